@@ -25,7 +25,7 @@ from wavegym.core.errors import InputError
 from wavegym.core.version import VERSION
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.picture import as_png
-from wavegym.evaluation.saved import LEARNERS
+from wavegym.evaluation.saved import AGENTS
 from wavegym.evaluation.submission import (
     PARAMETERS,
     Entry,
@@ -123,7 +123,7 @@ def picture(records: Sequence[Record]) -> bytes:
     for record in records:
         axes.plot(percents, profile(over_suite(_logs(record), known), percents), label=record["name"])
     axes.axvline(0.0, color="0.8", linewidth=0.8, zorder=0)
-    axes.set(xlabel="cost above that of the best simple heuristic [%]", ylabel="share of environments and worlds")
+    axes.set(xlabel="cost above that of the best heuristic [%]", ylabel="share of environments and worlds")
     axes.set(xlim=(-FARTHEST, FARTHEST), ylim=(0.0, 1.0))
     axes.legend(fontsize="small")
     return as_png(figure)
@@ -145,7 +145,7 @@ def main() -> None:
     if read.release:
         release()
     folder, about = latest()
-    for algo in LEARNERS if read.play else ():
+    for algo in AGENTS if read.play else ():
         given = {"seed": about["seed"], "worlds": about["worlds"], "jobs": read.jobs}
         for env_id in play_submission(own(algo), folder, **given):
             print(algo, env_id, flush=True)

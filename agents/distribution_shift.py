@@ -32,7 +32,7 @@ from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.consistency import consistency, reversals
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.play import EpisodeResults
-from wavegym.evaluation.saved import LEARNERS, SAVED
+from wavegym.evaluation.saved import AGENTS, SAVED
 from wavegym.evaluation.summary import named
 from wavegym.evaluation.table import decimal, flagged, interval, number, signed, tabulated
 from wavegym.policies.runs import load_policy
@@ -62,7 +62,7 @@ def play(
 ) -> dict[str, Any]:
     """The figures of every shift where the tracker knows it (``known``) and where it does not (``unknown``).
 
-    With figures ``before``, of the same best simple heuristic, the planner keeps its own and is not played.
+    With figures ``before``, of the same best heuristic, the planner keeps its own and is not played.
     """
     env_id = full_id(f"{name}-v0")
     original = make_task(env_id, {}).system
@@ -94,7 +94,7 @@ def count_outside(name: str, shifts: dict[str, dict[str, Any]], found: dict[str,
 def _agents(name: str) -> dict[str, tuple[dict[str, Any], Any]]:
     """The saved agents of an environment by algorithm: the parameters in which they play, and all training seeds."""
     env_id, found = full_id(f"{name}-v0"), {}
-    for algo in LEARNERS:
+    for algo in AGENTS:
         folder = SAVED / name / algo
         if folder.is_dir():
             own = environment_of(folder)
@@ -150,14 +150,14 @@ def tables(results: dict[str, dict[str, Any]]) -> str:
 
 
 def _table(results: dict[str, dict[str, Any]], half: str, by: str) -> str:
-    """Every policy against the best simple heuristic.
+    """Every policy against the best heuristic.
 
     Beside the costs: how often observations are outside the agents' training; beside the errors: NEES and lost tracks.
     """
-    compared = (*((PLANNER,) if half == UNKNOWN else ()), *LEARNERS)
+    compared = (*((PLANNER,) if half == UNKNOWN else ()), *AGENTS)
     head = ["environment", "shift", "myopic"]
     for name in compared:
-        head += [name.upper() if name in LEARNERS else "best planner", "95 %"]
+        head += [name.upper() if name in AGENTS else "best planner", "95 %"]
     if by == "belief":
         head += ["outside: PPO", "DQN"]
     else:
@@ -170,11 +170,11 @@ def _table(results: dict[str, dict[str, Any]], half: str, by: str) -> str:
             row = policies.get(name)
             cells += [signed(row[by]["percent"]), interval(row[by]["ci"], signed)] if row else ["", ""]
         if by == "belief":
-            cells += [_share(policies.get(name, {}).get("outside")) for name in LEARNERS]
+            cells += [_share(policies.get(name, {}).get("outside")) for name in AGENTS]
         else:
             nees = policies[SIMPLE]["nees"]
             cells += [flagged(nees["mean"], nees["flag"]), interval(nees["ci"], number)]
-            cells += [decimal(policies[name]["lost"]) if name in policies else "" for name in (SIMPLE, *LEARNERS)]
+            cells += [decimal(policies[name]["lost"]) if name in policies else "" for name in (SIMPLE, *AGENTS)]
         rows.append(cells)
     return tabulated(head, rows)
 

@@ -31,8 +31,8 @@ CLOSED = ConfigDict(extra="forbid")
 
 
 @dataclass(frozen=True, config=CLOSED)
-class Learner:
-    """A learner, trained once for each seed.
+class Agent:
+    """An agent, trained once for each seed.
 
     Attributes:
         algo: "ppo" or "dqn".
@@ -53,12 +53,12 @@ class Experiment:
 
     Attributes:
         env: id of the environment.
-        worlds: number of test worlds; with 0 the learners are only trained, and ``make leaderboard`` compares them.
+        worlds: number of test worlds; with 0 the agents are only trained, and ``make leaderboard`` compares them.
         policies: names of schedulers.
         seeds: training seeds.
-        learners: by name.
+        agents: by name.
         parameters: of the environment, in training and comparison, ``["action=joint"]``.
-        trained_in: another experiment, whose learners are compared here too.
+        trained_in: another experiment, whose agents are compared here too.
         tracks: a recording, relative to the repository.
         radar: position of the radar.
         shifts: changed parameters by name, ``{"process noise x4": ["q=4"]}``; ``agents.distribution_shift`` plays them.
@@ -68,7 +68,7 @@ class Experiment:
     worlds: int = 0
     policies: tuple[str, ...] = ()
     seeds: tuple[int, ...] = ()
-    learners: dict[str, Learner] = field(default_factory=dict)
+    agents: dict[str, Agent] = field(default_factory=dict)
     parameters: tuple[str, ...] = ()
     trained_in: str | None = None
     tracks: Path | None = None
@@ -92,20 +92,20 @@ def load_experiments(file: Path = FOLDER / "experiments.toml") -> dict[str, Expe
 
 
 def train_missing(name: str, experiment: Experiment, jobs: int) -> None:
-    """Train every learner of an experiment with every seed, ``jobs`` at a time."""
+    """Train every agent of an experiment with every seed, ``jobs`` at a time."""
     # Compile the kernels once here, not in each process.
     envs: Any = gym.make_vec(experiment.env, num_envs=2, **named_values(experiment.parameters))
     envs.reset(seed=0)
     envs.step(envs.unwrapped.policy("myopic")())
     work = [
-        Call(_train, (experiment.env, experiment.parameters, learner, seed, run_folder(name, label) / f"seed{seed}"))
-        for label, learner in experiment.learners.items()
-        for seed in learner.seeds or experiment.seeds
+        Call(_train, (experiment.env, experiment.parameters, agent, seed, run_folder(name, label) / f"seed{seed}"))
+        for label, agent in experiment.agents.items()
+        for seed in agent.seeds or experiment.seeds
     ]
     run_all(work, jobs)
 
 
-def _train(env: str, shared: tuple[str, ...], learner: Learner, seed: int, folder: Path) -> None:
+def _train(env: str, shared: tuple[str, ...], agent: Agent, seed: int, folder: Path) -> None:
     from wavegym.learning.run_spec import RunSpec
     from wavegym.learning.settings import load_settings
     from wavegym.learning.train import train
@@ -113,15 +113,15 @@ def _train(env: str, shared: tuple[str, ...], learner: Learner, seed: int, folde
 
     if (folder / RUN).exists():
         return
-    parameters = {**named_values(shared), **named_values(learner.parameters)}
-    settings = load_settings(env, learner.algo, named_values(learner.settings), parameters)
-    spec = RunSpec(env, learner.algo, seed, settings)
+    parameters = {**named_values(shared), **named_values(agent.parameters)}
+    settings = load_settings(env, agent.algo, named_values(agent.settings), parameters)
+    spec = RunSpec(env, agent.algo, seed, settings)
     train(spec, folder, checkpoint_every=200_000, resume=(folder / "run_spec.json").exists(), progress=False)
 
 
-def run_folder(experiment: str, learner: str) -> Path:
-    """The folder with the runs of a learner, one folder for each seed."""
-    return FOLDER / "runs" / experiment / learner
+def run_folder(experiment: str, agent: str) -> Path:
+    """The folder with the runs of an agent, one folder for each seed."""
+    return FOLDER / "runs" / experiment / agent
 
 
 def run(name: str, experiments: dict[str, Experiment], jobs: int) -> str:
@@ -130,8 +130,8 @@ def run(name: str, experiments: dict[str, Experiment], jobs: int) -> str:
     train_missing(name, experiment, jobs)
     policies: dict[str, Any] = dict.fromkeys(experiment.policies)
     for source in filter(None, (name, experiment.trained_in)):
-        for learner in experiments[source].learners:
-            policies[learner] = run_folder(source, learner)
+        for agent in experiments[source].agents:
+            policies[agent] = run_folder(source, agent)
     common: dict[str, Any] = {"worlds": experiment.worlds, "jobs": jobs, "keep": FOLDER / name}
     comparison = compare(experiment.env, policies, **common, **experiment.all_parameters())
     table = write_report(comparison, FOLDER / name)

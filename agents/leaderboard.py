@@ -30,7 +30,7 @@ from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.play import EpisodeResults
 from wavegym.evaluation.report import TABLE, compressed, read_results
-from wavegym.evaluation.saved import LEARNERS, SAVED
+from wavegym.evaluation.saved import AGENTS, SAVED
 from wavegym.evaluation.table import (
     decimal,
     estimated,
@@ -77,7 +77,7 @@ def time_decisions(env_id: str) -> None:
 
 def saved(env_id: str) -> dict[str, Path]:
     """The folders of the environment's saved agents by algorithm."""
-    folders = {algo: SAVED / stem(env_id) / algo for algo in LEARNERS}
+    folders = {algo: SAVED / stem(env_id) / algo for algo in AGENTS}
     return {algo: folder for algo, folder in folders.items() if folder.is_dir()}
 
 
@@ -107,7 +107,7 @@ class Entry(NamedTuple):
         return against(self.by_policy[name].squared_error, self.by_policy[reference].squared_error)
 
     def recovered(self, name: str) -> statistics.Estimate:
-        """A policy's share of the planner's gain over the best simple heuristic; None if that is not significant.
+        """A policy's share of the planner's gain over the best heuristic; None if that is not significant.
 
         The gains are logarithms of the ratios of costs, so a share is as good in an environment of large gains as of
         small ones.
@@ -140,7 +140,7 @@ def entry(env_id: str) -> Entry:
     """The results in one environment."""
     name = env_id.rpartition("/")[2]
     by_policy = read_results(HEADROOM / f"{name}{TABLE}")
-    for algo in LEARNERS:
+    for algo in AGENTS:
         file = LEADERBOARD / f"{stem(env_id)}-{algo}{TABLE}"
         if file.exists():
             read = read_results(file)
@@ -159,18 +159,18 @@ ALONE_STEPS = 1000  # a training with a teacher and no more steps is imitation a
 
 
 def table(entries: Sequence[Entry]) -> str:
-    """One line for each environment: the cost of each policy by belief against the best simple heuristic."""
+    """One line for each environment: the cost of each policy by belief against the best heuristic."""
     rows = []
     for e in entries:
         simple = names_played(e.env_id).get(SIMPLE, SIMPLE)
         share = e.recovered("ppo") if "ppo" in e.by_policy else statistics.Estimate(None, None)
         rows.append([_short(e), simple, *_against_simple(e, Entry.against), *shared(share)])
-    head = ["environment", "best simple heuristic", "myopic", *COMPARED, "PPO recovers", "95 %"]
+    head = ["environment", "best heuristic", "myopic", *COMPARED, "PPO recovers", "95 %"]
     return tabulated(head, rows)
 
 
 def scores(e: Entry) -> str:
-    """What an environment's page shows: the best policy known, and the policies against the best simple heuristic."""
+    """What an environment's page shows: the best policy known, and the policies against the best heuristic."""
     shown_as = _shown_as(e)
     by_belief = {name: e.against(name, SIMPLE) for name in shown_as}
     order = sorted(by_belief, key=lambda name: by_belief[name].value or 0.0)
@@ -181,24 +181,24 @@ def scores(e: Entry) -> str:
         rows.append([shown_as[name], mean, *estimated(by_belief[name]), *estimated(e.error_against(name, SIMPLE))])
     head = ["policy", "mean cost", "cost %", "95 %", "squared error by truth %", "95 %"]
     best = shown_as[next(iter(better), SIMPLE)]
-    against_what = f"the best simple heuristic, {shown_as[SIMPLE]}, in the same {WORLDS} worlds"
+    against_what = f"the best heuristic, {shown_as[SIMPLE]}, in the same {WORLDS} worlds"
     return f"Best known: {best}. Policies against {against_what} (geometric means):\n\n{tabulated(head, rows)}"
 
 
 def _shown_as(e: Entry) -> dict[str, str]:
-    """What ``scores`` calls each policy; the one-step scheduler once, if it is the best simple heuristic."""
+    """What ``scores`` calls each policy; the one-step scheduler once, if it is the best heuristic."""
     names = names_played(e.env_id)
     found = {name: f"`{name}`" for name in ("random", BASELINE) if name != names[SIMPLE]}
     found |= {name: f"`{names[name]}`" for name in (SIMPLE, PLANNER)}
-    for algo in filter(e.by_policy.__contains__, LEARNERS):
+    for algo in filter(e.by_policy.__contains__, AGENTS):
         parameters = _given(environment_of(SAVED / stem(e.env_id) / algo))
         found[algo] = f"`{algo}`, {parameters}" if parameters else f"`{algo}`"
     return found
 
 
 def errors(entries: Sequence[Entry]) -> str:
-    """One line for each environment: error by truth against the best simple heuristic, and tracks lost per episode."""
-    played = (SIMPLE, PLANNER, *LEARNERS)
+    """One line for each environment: error by truth against the best heuristic, and tracks lost per episode."""
+    played = (SIMPLE, PLANNER, *AGENTS)
     rows = []
     for e in entries:
         lost = [decimal(statistics.average(e.by_policy[name].lost)) if name in e.by_policy else "" for name in played]
@@ -208,7 +208,7 @@ def errors(entries: Sequence[Entry]) -> str:
 
 
 def foresight(e: Entry) -> str:
-    """Whether the best planner costs less than the best simple heuristic, by ``LEAST`` or more, in a few words."""
+    """Whether the best planner costs less than the best heuristic, by ``LEAST`` or more, in a few words."""
     gain, error = e.against(PLANNER, SIMPLE), e.error_against(PLANNER, SIMPLE)
     if gain.value is None or gain.ci is None:
         return ""
@@ -227,7 +227,7 @@ def orders(entries: Sequence[Entry]) -> str:
 
 def teachers(entries: Sequence[Entry]) -> str:
     """One line for each environment: what its agents learn from."""
-    rows = [[_short(e), *(learns_from(e.env_id, algo) for algo in LEARNERS)] for e in entries]
+    rows = [[_short(e), *(learns_from(e.env_id, algo) for algo in AGENTS)] for e in entries]
     return tabulated(["environment", "PPO learns from", "DQN learns from"], rows)
 
 
@@ -256,7 +256,7 @@ def consistency_table(entries: Sequence[Entry]) -> str:
     rows = []
     for e in entries:
         dimension = make_task(e.env_id, {}).system.nees_dimension
-        cells = [cell for name in (SIMPLE, PLANNER, *LEARNERS) for cell in _nees(e.by_policy.get(name), dimension)]
+        cells = [cell for name in (SIMPLE, PLANNER, *AGENTS) for cell in _nees(e.by_policy.get(name), dimension)]
         rows.append([_short(e), "" if dimension is None else str(dimension), *cells])
     return tabulated(head, rows)
 
@@ -266,9 +266,9 @@ def medians(entries: Sequence[Entry]) -> str:
     rows = []
     for e in entries:
         simple = e.by_policy[SIMPLE].cost
-        ratios = {name: e.by_policy[name].cost / simple for name in (PLANNER, *LEARNERS) if name in e.by_policy}
+        ratios = {name: e.by_policy[name].cost / simple for name in (PLANNER, *AGENTS) if name in e.by_policy}
         found = {name: statistics.median(100.0 * (ratio - 1.0)) for name, ratio in ratios.items()}
-        rows.append([_short(e), *(signed(found[name]) if name in found else "" for name in (PLANNER, *LEARNERS))])
+        rows.append([_short(e), *(signed(found[name]) if name in found else "" for name in (PLANNER, *AGENTS))])
     return tabulated(["environment", "median: best planner", "PPO", "DQN"], rows)
 
 
@@ -276,7 +276,7 @@ def details(entries: Sequence[Entry]) -> str:
     """One line for each environment: training seeds and time per decision."""
     rows = []
     for e in entries:
-        seeds = ", ".join(str(len(e.by_policy[algo].cost)) for algo in LEARNERS if algo in e.by_policy)
+        seeds = ", ".join(str(len(e.by_policy[algo].cost)) for algo in AGENTS if algo in e.by_policy)
         took = [f"{e.us[name]:.0f}" if name in e.us else "" for name in (ALONE, PLANNER, "ppo")]
         ratio = f"{e.us[ALONE] / e.us['ppo']:.0f}" if ALONE in e.us and "ppo" in e.us else ""
         rows.append([_short(e), seeds, *took, ratio])
@@ -288,7 +288,7 @@ def libraries(entries: Sequence[Entry]) -> str:
     head = ["environment", "agent", "parameters", "myopic there", "agent by belief", "95 %", "by truth", "95 %"]
     rows = []
     for e in entries:
-        for algo in filter(e.by_policy.__contains__, LEARNERS):
+        for algo in filter(e.by_policy.__contains__, AGENTS):
             if parameters := environment_of(SAVED / stem(e.env_id) / algo):
                 shown_parameters = _given(parameters)
                 there = signed(e.against(_rival(algo), SIMPLE).value)
@@ -302,9 +302,9 @@ def _given(parameters: dict[str, Any]) -> str:
 
 
 def _against_simple(e: Entry, comparer: Comparer) -> list[str]:
-    """Myopic, the best planner and the agents against the best simple heuristic."""
+    """Myopic, the best planner and the agents against the best heuristic."""
     cells = [signed(comparer(e, BASELINE, SIMPLE).value), *estimated(comparer(e, PLANNER, SIMPLE))]
-    for algo in LEARNERS:
+    for algo in AGENTS:
         cells += estimated(comparer(e, algo, SIMPLE)) if algo in e.by_policy else ["", ""]
     return cells
 

@@ -29,7 +29,7 @@ START, END = "<!-- made by `python -m agents.quick_planners`: -->", "<!-- quick 
 
 
 def quick_planner(name: str) -> Swept:
-    """The best planner within the limit; the rules of a sweep, which plan nothing, do not count."""
+    """The best planner within the limit; the heuristics of a sweep, which plan nothing, do not count."""
     rows = read_sweep((SWEEPS / f"{name}-v0.csv").read_text(encoding="utf-8"))
     return best_within([row for row in rows if row.setting.planner], LIMIT)
 
@@ -44,7 +44,7 @@ def play(name: str, jobs: int) -> None:
 
 
 def table(names: Sequence[str]) -> str:
-    """One line for each environment: the planner against the best simple rule, and PPO against the planner."""
+    """One line for each environment: the planner against the best heuristic, and PPO against the planner."""
     rows = []
     for name in names:
         chosen = quick_planner(name)

@@ -61,7 +61,7 @@ class Figures(NamedTuple):
 
 
 def cases(sizes: dict[str, tuple[int, ...]]) -> Iterator[Case]:
-    """The curve of every tracker and size with the best simple policy, then other policies, planners last."""
+    """The curve of every tracker and size with the best heuristic, then other policies, planners last."""
     for environment in ENVIRONMENTS:
         for tracker, counts in sizes.items():
             for size in counts:

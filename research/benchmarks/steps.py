@@ -1,6 +1,6 @@
 """Steps per second of every environment: ``python -m research.benchmarks.steps [ID ...]``.
 
-Under random allowed actions, the best simple rule and the trained agent, single and in batches, on one core; in the
+Under random allowed actions, the best heuristic and the trained agent, single and in batches, on one core; in the
 largest batch also on two. Only ``step`` and the resets in it are timed, not the decisions. A step on one core counts in
 CPU time; two threads are compared with one by the wall clock, in turn, so the machine should have nothing else to do.
 Figures go to results/speed.csv, the table to docs/speed.md and (``python -m research.pages``) the environments' pages.

@@ -55,7 +55,7 @@ def names() -> list[str]:
 
 
 def row(name: str) -> list[str]:
-    """An environment's line: the coverage of PPO's first training seed against the best simple rule."""
+    """An environment's line: the coverage of PPO's first training seed against the best heuristic."""
     own = read_results(LEADERBOARD / f"{name}-ppo{TABLE}")["ppo"].cost[:1]
     others = read_results(HEADROOM / f"{name}-v0{TABLE}")[SIMPLE].cost[:1]
     if (own == others).all():

@@ -1,6 +1,6 @@
 """The same episodes in every way of playing: ``python -m research.promises.determinism [ENVIRONMENT ...]``.
 
-Each environment plays eight episodes under the best simple rule and PPO: in one batch, one by one, in threads, in
+Each environment plays eight episodes under the best heuristic and PPO: in one batch, one by one, in threads, in
 smaller batches of other processes, and on a Ray cluster where Ray is installed. Observations, rewards and flags of all
 steps must be the same, byte for byte; else the command fails. (Random actions are drawn for a batch as a whole, so they
 differ between batches of different size.)
@@ -112,7 +112,7 @@ def differing(env_id: str, policy: str, ways: Sequence[str]) -> list[str]:
 def policies_of(env_id: str) -> Sequence[str]:
     """The policies under which an environment is played.
 
-    Without an agent, a round robin alone: the other rules try waveforms out first, which takes hours in UrbanSignal.
+    Without an agent, a round robin alone: other heuristics try waveforms out first, which takes hours in UrbanSignal.
     """
     return POLICIES if (SAVED / stem(env_id) / PPO).exists() else ("round-robin",)
 

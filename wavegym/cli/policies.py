@@ -39,14 +39,14 @@ def policies(arguments: Sequence[str]) -> None:
 
 def listed(task: Task) -> Iterator[tuple[str, str, str]]:
     """Every name with its meaning, and why it does not apply; "" where it does. Nothing is tuned."""
-    from wavegym.evaluation.saved import LEARNERS
+    from wavegym.evaluation.saved import AGENTS
     from wavegym.schedulers.registry import MEANINGS, SCHEDULERS
 
     for name, meaning in MEANINGS.items():
         yield name, meaning, why_not(name, task.system)
     for name, (scheduler, changed) in task.system.baselines().items():
         yield name, f"{scheduler} with {', '.join(f'{key}={value!r}' for key, value in changed.items())}", ""
-    for name in LEARNERS:
+    for name in AGENTS:
         yield name, "the trained agent that comes with the environment", _no_agent(name, task)
     for name in SCHEDULERS.names():
         if name not in SCHEDULERS.own:
@@ -104,8 +104,8 @@ def _try(name: str, system: System, tape: Any) -> None:
     elif name in HEURISTICS:
         check(name, system, tape)
     elif name != SIMPLE:
-        rule = HEURISTICS["searched-dwell"]
-        base = rule.make(**rule.start) if family == "dwell-rollout" else Myopic()
+        heuristic = HEURISTICS["searched-dwell"]
+        base = heuristic.make(**heuristic.start) if family == "dwell-rollout" else Myopic()
         policy = make_policy(f"{family}:{EXAMPLES[letter]}" if letter in EXAMPLES else name, system, tape, base)
         policy.begin(system, 1, np.random.default_rng(0))
         if family not in (*PLANNERS, *PLANS) and not isinstance(policy, Clairvoyant):

@@ -8,7 +8,7 @@
 
 ``write_report(comparison, folder)`` writes the summary, the episodes, a table and a picture. A policy of your own is
 compared as ``{"mine": policy}``: a Policy, a function of the observation, or a model with ``predict`` (see
-``as_policy``). A list of policies stands for the training runs of one learner.
+``as_policy``). A list of policies stands for the training runs of one agent.
 """
 
 from __future__ import annotations

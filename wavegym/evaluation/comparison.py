@@ -79,7 +79,7 @@ def compare(
 
     Args:
         env_id: a registered id.
-        policies: by name, each whatever ``as_policy`` takes, or a sequence of it: the training runs of one learner.
+        policies: by name, each whatever ``as_policy`` takes, or a sequence of it: the training runs of one agent.
             None stands for the scheduler, the saved agent, or the system's baseline, of that name; a list of names
             is short for that. The baseline ``myopic`` is added if absent.
         worlds: how many.

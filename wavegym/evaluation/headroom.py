@@ -99,7 +99,7 @@ def ladder(
         names: of the policies; all by default.
 
     Raises:
-        InputError: an unknown id, a number out of range, a searched rule on record for other features.
+        InputError: an unknown id, a number out of range, a searched heuristic on record for other features.
     """
     system = make_task(env_id, {}).system
     tuning = tuning_tapes(system, seed)
@@ -172,7 +172,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Play and write."""
     parser = Parser(prog="python -m wavegym.evaluation.headroom", description="How much is there to gain by planning.")
     tuned = [env_id for env_id, (system, _, given, _) in SYSTEMS.items() if system in records() and not given]
-    wanted = "environments (default: those of the suite with rules on record)"
+    wanted = "environments (default: those of the suite with heuristics on record)"
     parser.add_argument("ids", nargs="*", metavar="ID", default=tuned, help=wanted)
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")
     parser.add_argument("--seed", type=int, default=0, help="of all worlds (default: 0)")
@@ -193,7 +193,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         by_policy = {**comparison.by_policy(), **kept.by_policy}
         write_whole(read.out, {f"{name}.json": text.encode(), f"{name}{TABLE}": compressed(by_policy)})
         best = found["policies"]["best-planner"]["vs_simple_percent"]
-        print(f"{name}: the best planner costs {best:+.1f} % of the best simple rule's cost")
+        print(f"{name}: the best planner costs {best:+.1f} % of the best heuristic's cost")
 
 
 if __name__ == "__main__":

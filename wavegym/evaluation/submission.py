@@ -103,7 +103,7 @@ BOUNDS = {
 
 
 def suite() -> list[str]:
-    """The environments of the board: those of the suite that have a best simple heuristic on record."""
+    """The environments of the board: those of the suite that have a best heuristic on record."""
     return [env_id for env_id in SYSTEMS if SIMPLE in recorded(make_task(env_id, {}).system)]
 
 
@@ -140,7 +140,7 @@ def read_submission(folder: Path) -> Submission:
 def play_submission(
     submission: Submission, out: Path, *, seed: int, worlds: int, jobs: int = -1, progress: bool = True
 ) -> Iterator[str]:
-    """Play every policy and the best simple heuristic; write ``out``/NAME.json after each environment; yield its id.
+    """Play every policy and the best heuristic; write ``out``/NAME.json after each environment; yield its id.
 
     What the file already has of the same policy, seed, worlds and version is not played again.
 
@@ -215,7 +215,7 @@ def _share_of_gap(found: Mapping[str, Any], record: Record) -> list[str]:
 
 
 def pair(found: Mapping[str, Any], figure: str) -> tuple[Array, Array]:
-    """A figure of the submission and of the best simple heuristic, (1, world) each."""
+    """A figure of the submission and of the best heuristic, (1, world) each."""
     own, simple = (np.array([found[name]], np.float64) for name in (figure, f"simple_{figure}"))
     return own, simple
 
@@ -226,7 +226,7 @@ def bootstrap(record: Record) -> np.random.Generator:
 
 
 def _play(env_id: str, name: str, entry: Entry, common: dict[str, Any], progress: bool) -> dict[str, Any]:
-    """Costs and squared errors of the policy and of the best simple heuristic, and a lower bound where one is known."""
+    """Costs and squared errors of the policy and of the best heuristic, and a lower bound where one is known."""
     own = compare(env_id, {name: entry.file}, progress=progress, **common, **entry.parameters)
     simple = compare(env_id, {SIMPLE: None}, progress=progress, **common)
     figures: dict[str, Any] = {}

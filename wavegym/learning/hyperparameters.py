@@ -1,7 +1,7 @@
 """A search for training settings with Optuna: ``wavegym train ENV --algo ALGO --tune N --out DIR``.
 
 Every trial trains with settings that the search proposes. Its score is the mean logarithm of its cost over the cost of
-the best simple heuristic on the same tuning worlds; test worlds are never used. DIR/trials.log keeps the trials: the
+the best heuristic on the same tuning worlds; test worlds are never used. DIR/trials.log keeps the trials: the
 same command continues an earlier search.
 """
 
@@ -123,7 +123,7 @@ def _search(name: str, seed: int, out: Path) -> Any:
 
 
 def judge(spec: RunSpec) -> float:
-    """Train, and score: the mean logarithm of the cost over the best simple heuristic's on tuning worlds."""
+    """Train, and score: the mean logarithm of the cost over the best heuristic's on tuning worlds."""
     task = make_task(spec.env, dict(spec.settings.environment))
     tuning = draw_worlds(task.system, world_seeds(0, "tune", HEURISTIC_WORLDS))
     heuristic = make_policy(SIMPLE, task.system, tuning)

@@ -1,7 +1,7 @@
 """Imitation: the actor is pretrained on the actions of a scheduler, its teacher.
 
-The first round is behaviour cloning. In later rounds the learner acts and the teacher labels (DAgger: Ross, Gordon and
-Bagnell, 2011), so that the dataset holds the states that the learner visits. The labels of a rollout planner are the
+The first round is behaviour cloning. In later rounds the agent acts and the teacher labels (DAgger: Ross, Gordon and
+Bagnell, 2011), so that the dataset holds the states that the agent visits. The labels of a rollout planner are the
 advantages of all candidates, not only the best candidate: one step of policy iteration by regression (Lagoudakis and
 Parr, 2003). Two futures for each candidate are enough.
 """
@@ -51,7 +51,7 @@ RATE = 3e-3  # Adam's learning rate at the start; falls linearly to 0
 
 
 class Lessons(NamedTuple):
-    """What a learner is taught: the decisions of a round, or of all rounds so far."""
+    """What an agent is taught: the decisions of a round, or of all rounds so far."""
 
     observations: Array  # (decision, elements)
     labels: Array  # (decision, ...), see ``demonstrations``
@@ -60,7 +60,7 @@ class Lessons(NamedTuple):
 def pretrain(
     model: BaseAlgorithm, settings: Settings, systems: list[System], seed: int, parts: Parts | None = None
 ) -> None:
-    """Let the learner imitate ``settings.teacher``; its constants are recorded ones, or tuned on training worlds.
+    """Let the agent imitate ``settings.teacher``; its constants are recorded ones, or tuned on training worlds.
 
     Where the settings change parameters of the environment, a heuristic keeps the constants of the defaults: it is a
     first guide, and a search in every run would take longer than the learning.

@@ -58,12 +58,12 @@ class Settings:
         gamma: discount factor; with 0 the agent learns a one-step scheduler.
         batch_size: transitions in a gradient step.
         max_grad_norm: bound of the gradient's norm.
-        teacher: the scheduler that the learner imitates before reinforcement learning; "" for none. The labels of a
+        teacher: the scheduler that the agent imitates before reinforcement learning; "" for none. The labels of a
             rollout planner ("rollout:H") are the advantages of all candidates. A heuristic has the constants recorded
             for the environment's defaults, also where ``environment`` changes its parameters.
         teacher_futures: sampled futures of each candidate, if the teacher is a rollout planner.
         teacher_episodes: labelled episodes in each round of imitation.
-        imitation_rounds: rounds of imitation. In all but the first the learner acts and the teacher labels (DAgger).
+        imitation_rounds: rounds of imitation. In all but the first the agent acts and the teacher labels (DAgger).
         query_every: query the teacher every N steps on average, and at each of the first N steps; between queries the
             teacher repeats its last action. More than 1 is only for a teacher without memory.
         imitation_epochs: passes over the dataset so far, after each round.
