@@ -161,7 +161,7 @@ def _table(results: dict[str, dict[str, Any]], half: str, by: str) -> str:
     if by == "belief":
         head += ["outside: PPO", "DQN"]
     else:
-        head += ["NEES: best simple", "95 %", "lost: best simple", "PPO", "DQN"]
+        head += ["NEES: best-simple", "95 %", "lost: best-simple", "PPO", "DQN"]
     rows = []
     for env, shift, found in _played(results, half):
         policies = found["policies"]

@@ -35,10 +35,10 @@ from wavegym.registration import SYSTEMS
 from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE
 
 START, END = "<!-- made by `make headroom`: -->", "<!-- to here -->"
-BELIEF = ("policy", "mean cost", "95 %", "vs best simple %", "95 %", "µs/decision")
-TRUTH = ("policy", "squared error m²", "95 %", "vs best simple %", "95 %", "RMS error m", "lost")
+BELIEF = ("policy", "mean cost", "95 %", "vs best-simple %", "95 %", "µs/decision")
+TRUTH = ("policy", "squared error m²", "95 %", "vs best-simple %", "95 %", "RMS error m", "lost")
 STEPS = ("random", "best-fixed", "cycle", "myopic", "plan-once", "best-planner")  # of the overview
-TITLES = {"random": "random", SIMPLE: "best simple", BASELINE: "myopic", PLANNER: "best planner"}  # of its third table
+TITLES = {"random": "random", SIMPLE: "best-simple", BASELINE: "myopic", PLANNER: "best planner"}  # of its third table
 
 
 Sweeps = Mapping[str, Mapping[str, Mapping[str, str]]]  # by environment: ``best_by_limit``

@@ -203,7 +203,7 @@ def errors(entries: Sequence[Entry]) -> str:
     for e in entries:
         lost = [decimal(statistics.average(e.by_policy[name].lost)) if name in e.by_policy else "" for name in played]
         rows.append([_short(e), *_against_simple(e, Entry.error_against), *lost])
-    head = ["environment", "myopic", *COMPARED, "lost: best simple", "planner", "PPO", "DQN"]
+    head = ["environment", "myopic", *COMPARED, "lost: best-simple", "planner", "PPO", "DQN"]
     return tabulated(head, rows)
 
 
@@ -252,7 +252,7 @@ def stage_of(folder: Path) -> str:
 
 def consistency_table(entries: Sequence[Entry]) -> str:
     """One line for each environment: the mean NEES under each policy, flagged where it leaves its bounds."""
-    head = ["environment", "expected NEES", "best simple", "95 %", "planner", "95 %", *PAIRS]
+    head = ["environment", "expected NEES", "best-simple", "95 %", "planner", "95 %", *PAIRS]
     rows = []
     for e in entries:
         dimension = make_task(e.env_id, {}).system.nees_dimension

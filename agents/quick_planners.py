@@ -57,7 +57,7 @@ def table(names: Sequence[str]) -> str:
             ppo = read_results(LEADERBOARD / f"{name}-ppo{TABLE}")["ppo"].cost
             cells = [*estimated(against(planner, simple)), *estimated(against(ppo, planner))]
         rows.append([name, what, f"{chosen.cpu_ms:.1f}", *cells])
-    head = ["environment", "planner", "CPU ms", "planner against best simple", "95 %", "PPO against planner", "95 %"]
+    head = ["environment", "planner", "CPU ms", "planner against best-simple", "95 %", "PPO against planner", "95 %"]
     return tabulated(head, rows)
 
 

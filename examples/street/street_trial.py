@@ -87,7 +87,7 @@ def rows(name: str, tunings: int, count: int) -> Iterator[str]:
     costs = {rule: float(np.log(played(system, policy, tuning)[0]).mean()) for rule, policy in rules.items()}
     best = min(costs, key=lambda rule: costs[rule])
     reference = played(system, rules[best], test)
-    yield f"| {name} | best simple: {best} | {reference[0].mean():.0f} | 0 | 0 |"
+    yield f"| {name} | best-simple: {best} | {reference[0].mean():.0f} | 0 | 0 |"
     for policy, choice in (("random", RandomChoice()), ("myopic", Myopic()), *planners(rules[best])):
         cost, error = played(system, choice, test)
         by_belief, by_truth = against(cost, reference[0]), against(error, reference[1])

@@ -28,7 +28,7 @@ SEED = 22  # of the worlds
 ENVIRONMENTS = ("AgileClutter-v0", "BeamAllocation-v0", "EnergyBudget-v0", "EnergyBudgetKnown-v0")
 SIZES = {"jpda": (0,), "mixture": (1, 2, 4, 8, 16, 32, 64), "particle": (100, 1000, 10_000)}
 PARAMETER = {"mixture": "components", "particle": "particles"}
-POLICIES = ("random", "myopic", "best-planner")  # beside the best simple one
+POLICIES = ("random", "myopic", "best-planner")  # beside best-simple
 SLOW = {("particle", 10_000): 5, "best-planner": 12}  # are played on so many times fewer worlds
 
 SHOWN = {"nees": "NEES", "nees_kept": "NEES, kept", "true_over_believed": "true / believed", "error": "true error"}

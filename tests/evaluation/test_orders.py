@@ -44,7 +44,7 @@ def test_a_difference_within_the_noise_is_not_named():
     # Both intervals of one of 28 pairs would exclude 0, on opposite sides, in one such comparison of thirty.
     assert reversals(alike, 0) == []
     assert reversals({"honest": results(1.0, 1.0), "same": results(0.8, 1.0), "also": results(1.0, 1.4)}, 0) == []
-    assert order_sentence([]).startswith("No two policies")
+    assert order_sentence([]).startswith("Wherever both differences")
 
 
 def test_policies_that_played_alike_are_named_once():

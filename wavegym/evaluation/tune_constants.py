@@ -220,7 +220,7 @@ def _print_record(name: str, record: Mapping[str, Constants | Any], only: Sequen
             print(f"{name}: {heuristic} was found with {done}")
     ranking = sorted(record["costs"].items(), key=lambda item: item[1])
     print(
-        f"{name}: best simple is {record[SIMPLE]}; " + ", ".join(f"{heuristic} {cost:g}" for heuristic, cost in ranking)
+        f"{name}: best-simple is {record[SIMPLE]}; " + ", ".join(f"{heuristic} {cost:g}" for heuristic, cost in ranking)
     )
 
 
