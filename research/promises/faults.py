@@ -26,14 +26,7 @@ SMALL = ["num_envs=8", "n_steps=10", "batch_size=40", "n_epochs=2", "network=[8,
 COMMANDS = {
     "train": (
         (
-            "train",
-            "KershawEvansPosition-v0",
-            "--algo",
-            "ppo",
-            "--quiet",
-            "--checkpoint-every",
-            "400",
-            "--setting",
+            *["train", "KershawEvansPosition-v0", "--algo", "ppo", "--quiet", "--checkpoint-every", "400", "--setting"],
             *SMALL,
         ),
         ("policy.npz", "curve.csv"),

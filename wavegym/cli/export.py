@@ -1,4 +1,4 @@
-"""The subcommand ``export``: a trained policy as an ONNX file."""
+"""The subcommand ``export``: an agent as an ONNX file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wavegym.registration import NAMESPACE
 
 def parser() -> Parser:
     """The options."""
-    options = Parser(prog="wavegym export", description="Write a trained policy as an ONNX file.")
+    options = Parser(prog="wavegym export", description="Write an agent as an ONNX file.")
     known = "folder of a finished run, or ENV/ALGO of an agent that comes with the package: RfEo-v0/ppo"
     options.add_argument("policy", metavar="POLICY", help=known)
     options.add_argument("--onnx", type=Path, required=True, metavar="FILE", help="the file to write")

@@ -1,4 +1,4 @@
-"""The subcommand ``train``: train a waveform scheduler.
+"""The subcommand ``train``: train an agent.
 
     wavegym train KershawEvansPosition-v0 --algo ppo --seed 0 --out runs/ppo/seed0
 
@@ -26,7 +26,7 @@ from wavegym.core.workers import add_worker_options, workers
 
 def parser() -> Parser:
     """The options."""
-    options = Parser(prog="wavegym train", description="Train a waveform scheduler.")
+    options = Parser(prog="wavegym train", description="Train an agent.")
     add_environment(options)
     options.add_argument("--algo", required=True, metavar="ALGO", help="ppo or dqn")
     steps = (

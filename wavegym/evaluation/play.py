@@ -110,7 +110,7 @@ def play(
 
     Args:
         task: the system and its parameters.
-        policy: a scheduler, a planner or a learned policy. A clairvoyant one has a method ``reveal(world)``.
+        policy: a scheduler or an agent. A clairvoyant one has a method ``reveal(world)``.
         seeds: of the worlds.
         max_steps: stop after so many steps, even if episodes are unfinished.
         name: of the policy, in error messages.
