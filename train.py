@@ -1,4 +1,4 @@
-"""Train a waveform scheduler; the same as ``wavegym train``.
+"""Train an agent; the same as ``wavegym train``.
 
 python train.py KershawEvansPosition-v0 --algo ppo --seed 0 --out runs/ppo/seed0
 """

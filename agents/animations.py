@@ -1,6 +1,6 @@
 """An episode of each environment as an animated picture: ``python -m agents.animations [ENVIRONMENT ...]``.
 
-PPO plays, the first training seed; where there is no saved agent, the best simple heuristic. The pictures go to
+PPO plays, the first training seed; where there is no saved agent, the best heuristic. The pictures go to
 docs/images, and the pages of the environments show them.
 """
 

@@ -1,8 +1,8 @@
 """The board of a release: ``python -m agents.board``.
 
-Each release of the suite has a root of its own, which ``--release`` draws: nobody could train or tune on its worlds.
+Each release of the suite has a seed of its own, which ``--release`` draws: nobody could train or tune on its worlds.
 ``--play`` plays the suite's own agents as submissions; those of others are played with ``wavegym submit FOLDER --seed
-ROOT --out results/board/RELEASE``. All records of the latest release make the tables and the picture of docs/board.md.
+SEED --out results/board/RELEASE``. All records of the latest release make the tables and the picture of docs/board.md.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from wavegym.core.errors import InputError
 from wavegym.core.version import VERSION
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.picture import as_png
-from wavegym.evaluation.saved import LEARNERS
+from wavegym.evaluation.saved import AGENTS
 from wavegym.evaluation.submission import (
-    SETTINGS,
+    PARAMETERS,
     Entry,
     Record,
     Submission,
@@ -42,23 +42,23 @@ from wavegym.evaluation.table import estimated, interval, tabulated
 from wavegym.policies.runs import RUN, read_run
 
 FOLDER, PAGE, PICTURE = ROOT / "results" / "board", ROOT / "docs" / "board.md", ROOT / "docs" / "images" / "board.png"
-RELEASE = "release.json"  # version, root and worlds
+RELEASE = "release.json"  # version, seed and worlds
 START, END = "<!-- made by `python -m agents.board`: -->", "<!-- board to here -->"
 WORLDS = 100
 FARTHEST = 50.0  # per cent, of the picture
 
 
 def release() -> None:
-    """Draw the root of this version. Raises an InputError if it has one: then its worlds are known."""
+    """Draw the seed of this version. Raises an InputError if it has one: then its worlds are known."""
     folder = FOLDER / VERSION
     if (folder / RELEASE).exists():
-        raise InputError(f"{folder} has a root already, expected a new version of the package")
-    about = {"version": VERSION, "root": secrets.randbelow(2**31), "worlds": WORLDS}
+        raise InputError(f"{folder} has a seed already, expected a new version of the package")
+    about = {"version": VERSION, "seed": secrets.randbelow(2**31), "worlds": WORLDS}
     write_whole(folder, {RELEASE: (json.dumps(about, indent=1) + "\n").encode()})
 
 
 def latest() -> tuple[Path, dict[str, Any]]:
-    """The folder of the latest release, and its root and worlds."""
+    """The folder of the latest release, and its seed and worlds."""
     folders = [file.parent for file in FOLDER.glob(f"*/{RELEASE}")]
     if not folders:
         raise InputError(f"{FOLDER} has no release, expected one (nearest: python -m agents.board --release)")
@@ -71,7 +71,7 @@ def own(algo: str) -> Submission:
     entries = {}
     for env_id in suite():
         folder = saved(env_id).get(algo)
-        if folder is None or set(environment_of(folder)) - set(SETTINGS):
+        if folder is None or set(environment_of(folder)) - set(PARAMETERS):
             continue
         run = min(file.parent for file in folder.glob(f"*/{RUN}"))
         record = read_run(run / RUN)
@@ -86,7 +86,7 @@ def renew() -> None:
     if not records:
         return
     parts = [
-        f"Release {about['version']}, {about['worlds']} worlds of the root {about['root']}.",
+        f"Release {about['version']}, {about['worlds']} worlds of the seed {about['seed']}.",
         scores(records),
     ]
     parts += [f"### {record['name']}\n\n{table(record)}" for record in records]
@@ -122,7 +122,7 @@ def picture(records: Sequence[Record]) -> bytes:
     for record in records:
         axes.plot(percents, profile(over_suite(_logs(record), known), percents), label=record["name"])
     axes.axvline(0.0, color="0.8", linewidth=0.8, zorder=0)
-    axes.set(xlabel="cost above that of the best simple heuristic [%]", ylabel="share of environments and worlds")
+    axes.set(xlabel="cost above that of the best heuristic [%]", ylabel="share of environments and worlds")
     axes.set(xlim=(-FARTHEST, FARTHEST), ylim=(0.0, 1.0))
     axes.legend(fontsize="small")
     return as_png(figure)
@@ -137,15 +137,15 @@ def _logs(record: Record) -> dict[str, Array]:
 def main() -> None:
     """The command."""
     parser = Parser(prog="python -m agents.board", description="The board of a release.")
-    parser.add_argument("--release", action="store_true", help="draw the root of this version first")
+    parser.add_argument("--release", action="store_true", help="draw the seed of this version first")
     parser.add_argument("--play", action="store_true", help="play the suite's own agents")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: 2)")
     read = parser.read(None)
     if read.release:
         release()
     folder, about = latest()
-    for algo in LEARNERS if read.play else ():
-        given = {"root": about["root"], "worlds": about["worlds"], "jobs": read.jobs}
+    for algo in AGENTS if read.play else ():
+        given = {"seed": about["seed"], "worlds": about["worlds"], "jobs": read.jobs}
         for env_id in play_submission(own(algo), folder, **given):
             print(algo, env_id, flush=True)
     renew()

@@ -21,7 +21,7 @@ import numpy as np
 from agents import blocks
 from agents.experiment import load_experiments
 from agents.leaderboard import PAGE, ROOT, SEED, against, environment_of
-from wavegym.core.command_line import Parser, guarded, settings
+from wavegym.core.command_line import Parser, guarded, named_values
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.policy import Policy
@@ -31,8 +31,8 @@ from wavegym.evaluation import compare, full_id, make_task, statistics
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.consistency import consistency, reversals
 from wavegym.evaluation.files import write_whole
-from wavegym.evaluation.play import Account
-from wavegym.evaluation.saved import LEARNERS, SAVED
+from wavegym.evaluation.play import EpisodeResults
+from wavegym.evaluation.saved import AGENTS, SAVED
 from wavegym.evaluation.summary import named
 from wavegym.evaluation.table import decimal, flagged, interval, number, signed, tabulated
 from wavegym.policies.runs import load_policy
@@ -51,7 +51,7 @@ KNOWN, UNKNOWN = "known", "unknown"  # to the tracker
 def load_shifts() -> dict[str, dict[str, dict[str, Any]]]:
     """Changed parameters by environment and shift."""
     return {
-        stem(each.env): {name: settings(given) for name, given in each.shifts.items()}
+        stem(each.env): {name: named_values(given) for name, given in each.shifts.items()}
         for each in load_experiments().values()
         if each.shifts
     }
@@ -62,7 +62,7 @@ def play(
 ) -> dict[str, Any]:
     """The figures of every shift where the tracker knows it (``known``) and where it does not (``unknown``).
 
-    With figures ``before``, of the same best simple heuristic, the planner keeps its own and is not played.
+    With figures ``before``, of the same best heuristic, the planner keeps its own and is not played.
     """
     env_id = full_id(f"{name}-v0")
     original = make_task(env_id, {}).system
@@ -88,13 +88,13 @@ def count_outside(name: str, shifts: dict[str, dict[str, Any]], found: dict[str,
             for algo, (own, policy) in agents.items():
                 comparison = compare(env_id, {algo: policy}, worlds=COUNTED, jobs=jobs, keep=FOLDER, **own, **changes)
                 row = found[shift][half]["policies"][algo]
-                row["outside"] = statistics.average(comparison.account(algo).outside)
+                row["outside"] = statistics.average(comparison.results(algo).outside)
 
 
 def _agents(name: str) -> dict[str, tuple[dict[str, Any], Any]]:
     """The saved agents of an environment by algorithm: the parameters in which they play, and all training seeds."""
     env_id, found = full_id(f"{name}-v0"), {}
-    for algo in LEARNERS:
+    for algo in AGENTS:
         folder = SAVED / name / algo
         if folder.is_dir():
             own = environment_of(folder)
@@ -103,7 +103,7 @@ def _agents(name: str) -> dict[str, tuple[dict[str, Any], Any]]:
 
 
 def halves(system: System, parameters: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """The settings of both halves of a shift; without ``unknown`` if the truth may not differ in all parameters."""
+    """The parameters of both halves of a shift; without ``unknown`` if the truth may not differ in all parameters."""
     found = {KNOWN: parameters}
     if set(parameters) <= {info.name for info in parameter_infos(type(system)) if info.truth}:
         found[UNKNOWN] = {"truth": parameters}
@@ -114,29 +114,29 @@ def _figures(
     env_id: str, policies: dict[str, Any], planner: Policy | None, changes: dict[str, Any], jobs: int
 ) -> dict[str, Any]:
     """Each policy, with its own actions, the one-step scheduler and perhaps a planner in the changed environment."""
-    accounts: dict[str, Account] = {}
+    by_policy: dict[str, EpisodeResults] = {}
     for name, (own, policy) in policies.items():
         comparison = compare(env_id, {name: policy}, worlds=WORLDS, jobs=jobs, keep=FOLDER, **own, **changes)
         for each in comparison.played:
-            accounts.setdefault(each, comparison.account(each))
-    dimension, simple = comparison.task.system.nees_dimension, accounts[SIMPLE]
-    rows = {name: _against_simple(account, simple, dimension) for name, account in accounts.items()}
+            by_policy.setdefault(each, comparison.results(each))
+    dimension, simple = comparison.task.system.nees_dimension, by_policy[SIMPLE]
+    rows = {name: _against_simple(results, simple, dimension) for name, results in by_policy.items()}
     if planner:
         few = min(PLANNED, WORLDS)
-        account = compare(env_id, {PLANNER: planner}, worlds=few, jobs=jobs, keep=FOLDER, **changes).account(PLANNER)
-        rows[PLANNER] = _against_simple(account, Account(*(values[:, :few] for values in simple)), dimension)
-    return {"policies": rows, "reversals": reversals(accounts, SEED)}
+        results = compare(env_id, {PLANNER: planner}, worlds=few, jobs=jobs, keep=FOLDER, **changes).results(PLANNER)
+        rows[PLANNER] = _against_simple(results, EpisodeResults(*(values[:, :few] for values in simple)), dimension)
+    return {"policies": rows, "reversals": reversals(by_policy, SEED)}
 
 
-def _against_simple(account: Account, simple: Account, dimension: int | None) -> dict[str, Any]:
+def _against_simple(results: EpisodeResults, simple: EpisodeResults, dimension: int | None) -> dict[str, Any]:
     """One policy's figures, as plain types."""
-    found = consistency(account, dimension, np.random.default_rng([SEED, word("bootstrap")]))
+    found = consistency(results, dimension, np.random.default_rng([SEED, word("bootstrap")]))
     return {
-        "belief": named("percent", "ci", against(account.cost, simple.cost)),
-        "truth": named("percent", "ci", against(account.squared_error, simple.squared_error)),
+        "belief": named("percent", "ci", against(results.cost, simple.cost)),
+        "truth": named("percent", "ci", against(results.squared_error, simple.squared_error)),
         "nees": {**named("mean", "ci", found.nees), "flag": found.flag},
-        "lost": statistics.average(account.lost),
-        "outside": statistics.average(account.outside),
+        "lost": statistics.average(results.lost),
+        "outside": statistics.average(results.outside),
     }
 
 
@@ -150,18 +150,18 @@ def tables(results: dict[str, dict[str, Any]]) -> str:
 
 
 def _table(results: dict[str, dict[str, Any]], half: str, by: str) -> str:
-    """Every policy against the best simple heuristic.
+    """Every policy against the best heuristic.
 
     Beside the costs: how often observations are outside the agents' training; beside the errors: NEES and lost tracks.
     """
-    compared = (*((PLANNER,) if half == UNKNOWN else ()), *LEARNERS)
+    compared = (*((PLANNER,) if half == UNKNOWN else ()), *AGENTS)
     head = ["environment", "shift", "myopic"]
     for name in compared:
-        head += [name.upper() if name in LEARNERS else "best planner", "95 %"]
+        head += [name.upper() if name in AGENTS else "best planner", "95 %"]
     if by == "belief":
         head += ["outside: PPO", "DQN"]
     else:
-        head += ["NEES: best simple", "95 %", "lost: best simple", "PPO", "DQN"]
+        head += ["NEES: best-simple", "95 %", "lost: best-simple", "PPO", "DQN"]
     rows = []
     for env, shift, found in _played(results, half):
         policies = found["policies"]
@@ -170,11 +170,11 @@ def _table(results: dict[str, dict[str, Any]], half: str, by: str) -> str:
             row = policies.get(name)
             cells += [signed(row[by]["percent"]), interval(row[by]["ci"], signed)] if row else ["", ""]
         if by == "belief":
-            cells += [_share(policies.get(name, {}).get("outside")) for name in LEARNERS]
+            cells += [_share(policies.get(name, {}).get("outside")) for name in AGENTS]
         else:
             nees = policies[SIMPLE]["nees"]
             cells += [flagged(nees["mean"], nees["flag"]), interval(nees["ci"], number)]
-            cells += [decimal(policies[name]["lost"]) if name in policies else "" for name in (SIMPLE, *LEARNERS)]
+            cells += [decimal(policies[name]["lost"]) if name in policies else "" for name in (SIMPLE, *AGENTS)]
         rows.append(cells)
     return tabulated(head, rows)
 
@@ -184,7 +184,7 @@ def _share(outside: float | None) -> str:
 
 
 def _orders(results: dict[str, dict[str, Any]], half: str) -> str:
-    """The changed environments in which two policies have one order by belief and the other by truth."""
+    """The changed environments in which belief and truth rank two policies differently."""
     told = {f"{env}, {shift}": found["reversals"] for env, shift, found in _played(results, half)}
     return blocks.order_list(told)
 

@@ -19,7 +19,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from agents import blocks
-from wavegym.core.command_line import Parser, guarded, settings
+from wavegym.core.command_line import Parser, guarded, named_values
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.work import Call, run_all
 from wavegym.evaluation import compare, write_report
@@ -31,19 +31,19 @@ CLOSED = ConfigDict(extra="forbid")
 
 
 @dataclass(frozen=True, config=CLOSED)
-class Learner:
-    """A learner, trained once for each seed.
+class Agent:
+    """An agent, trained once for each seed.
 
     Attributes:
         algo: "ppo" or "dqn".
-        set: settings that replace those of wavegym/learning/settings.toml, ``["gamma=0"]``.
-        environment: parameters of the environment in training, ``["q=1"]``.
+        settings: training settings that replace those of wavegym/learning/settings.toml, ``["gamma=0"]``.
+        parameters: of the environment, in training, ``["q=1"]``.
         seeds: training seeds; those of the experiment where none are given.
     """
 
     algo: str
-    set: tuple[str, ...] = ()
-    environment: tuple[str, ...] = ()
+    settings: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
     seeds: tuple[int, ...] = ()
 
 
@@ -53,12 +53,12 @@ class Experiment:
 
     Attributes:
         env: id of the environment.
-        worlds: number of test worlds; with 0 the learners are only trained, and ``make leaderboard`` compares them.
+        worlds: number of test worlds; with 0 the agents are only trained, and ``make leaderboard`` compares them.
         policies: names of schedulers.
         seeds: training seeds.
-        learners: by name.
-        environment: parameters of the environment, in training and comparison, ``["action=joint"]``.
-        trained_in: another experiment, whose learners are compared here too.
+        agents: by name.
+        parameters: of the environment, in training and comparison, ``["action=joint"]``.
+        trained_in: another experiment, whose agents are compared here too.
         tracks: a recording, relative to the repository.
         radar: position of the radar.
         shifts: changed parameters by name, ``{"process noise x4": ["q=4"]}``; ``agents.distribution_shift`` plays them.
@@ -68,16 +68,16 @@ class Experiment:
     worlds: int = 0
     policies: tuple[str, ...] = ()
     seeds: tuple[int, ...] = ()
-    learners: dict[str, Learner] = field(default_factory=dict)
-    environment: tuple[str, ...] = ()
+    agents: dict[str, Agent] = field(default_factory=dict)
+    parameters: tuple[str, ...] = ()
     trained_in: str | None = None
     tracks: Path | None = None
     radar: tuple[float, ...] | None = None
     shifts: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
-    def parameters(self) -> dict[str, Any]:
-        """The environment's parameters."""
-        given = settings(self.environment)
+    def all_parameters(self) -> dict[str, Any]:
+        """The environment's parameters, with the recorded targets."""
+        given = named_values(self.parameters)
         if self.tracks is None:
             return given
         return {**given, "targets": "recorded", "tracks": os.path.relpath(ROOT / self.tracks), "radar": self.radar}
@@ -92,20 +92,20 @@ def load_experiments(file: Path = FOLDER / "experiments.toml") -> dict[str, Expe
 
 
 def train_missing(name: str, experiment: Experiment, jobs: int) -> None:
-    """Train every learner of an experiment with every seed, ``jobs`` at a time."""
+    """Train every agent of an experiment with every seed, ``jobs`` at a time."""
     # Compile the kernels once here, not in each process.
-    envs: Any = gym.make_vec(experiment.env, num_envs=2, **settings(experiment.environment))
+    envs: Any = gym.make_vec(experiment.env, num_envs=2, **named_values(experiment.parameters))
     envs.reset(seed=0)
     envs.step(envs.unwrapped.policy("myopic")())
     work = [
-        Call(_train, (experiment.env, experiment.environment, learner, seed, run_folder(name, label) / f"seed{seed}"))
-        for label, learner in experiment.learners.items()
-        for seed in learner.seeds or experiment.seeds
+        Call(_train, (experiment.env, experiment.parameters, agent, seed, run_folder(name, label) / f"seed{seed}"))
+        for label, agent in experiment.agents.items()
+        for seed in agent.seeds or experiment.seeds
     ]
     run_all(work, jobs)
 
 
-def _train(env: str, shared: tuple[str, ...], learner: Learner, seed: int, folder: Path) -> None:
+def _train(env: str, shared: tuple[str, ...], agent: Agent, seed: int, folder: Path) -> None:
     from wavegym.learning.run_spec import RunSpec
     from wavegym.learning.settings import load_settings
     from wavegym.learning.train import train
@@ -113,14 +113,15 @@ def _train(env: str, shared: tuple[str, ...], learner: Learner, seed: int, folde
 
     if (folder / RUN).exists():
         return
-    environment = {**settings(shared), **settings(learner.environment)}
-    spec = RunSpec(env, learner.algo, seed, load_settings(env, learner.algo, settings(learner.set), environment))
+    parameters = {**named_values(shared), **named_values(agent.parameters)}
+    settings = load_settings(env, agent.algo, named_values(agent.settings), parameters)
+    spec = RunSpec(env, agent.algo, seed, settings)
     train(spec, folder, checkpoint_every=200_000, resume=(folder / "run_spec.json").exists(), progress=False)
 
 
-def run_folder(experiment: str, learner: str) -> Path:
-    """The folder with the runs of a learner, one folder for each seed."""
-    return FOLDER / "runs" / experiment / learner
+def run_folder(experiment: str, agent: str) -> Path:
+    """The folder with the runs of an agent, one folder for each seed."""
+    return FOLDER / "runs" / experiment / agent
 
 
 def run(name: str, experiments: dict[str, Experiment], jobs: int) -> str:
@@ -129,10 +130,10 @@ def run(name: str, experiments: dict[str, Experiment], jobs: int) -> str:
     train_missing(name, experiment, jobs)
     policies: dict[str, Any] = dict.fromkeys(experiment.policies)
     for source in filter(None, (name, experiment.trained_in)):
-        for learner in experiments[source].learners:
-            policies[learner] = run_folder(source, learner)
+        for agent in experiments[source].agents:
+            policies[agent] = run_folder(source, agent)
     common: dict[str, Any] = {"worlds": experiment.worlds, "jobs": jobs, "keep": FOLDER / name}
-    comparison = compare(experiment.env, policies, **common, **experiment.parameters())
+    comparison = compare(experiment.env, policies, **common, **experiment.all_parameters())
     table = write_report(comparison, FOLDER / name)
     shutil.copyfile(FOLDER / name / "comparison.png", PAGE.parent / "images" / f"{name}.png")
     begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"

@@ -35,10 +35,10 @@ from wavegym.registration import SYSTEMS
 from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE
 
 START, END = "<!-- made by `make headroom`: -->", "<!-- to here -->"
-BELIEF = ("policy", "mean cost", "95 %", "vs best simple %", "95 %", "µs/decision")
-TRUTH = ("policy", "squared error m²", "95 %", "vs best simple %", "95 %", "RMS error m", "lost")
+BELIEF = ("policy", "mean cost", "95 %", "vs best-simple %", "95 %", "µs/decision")
+TRUTH = ("policy", "squared error m²", "95 %", "vs best-simple %", "95 %", "RMS error m", "lost")
 STEPS = ("random", "best-fixed", "cycle", "myopic", "plan-once", "best-planner")  # of the overview
-TITLES = {"random": "random", SIMPLE: "best simple", BASELINE: "myopic", PLANNER: "best planner"}  # of its third table
+TITLES = {"random": "random", SIMPLE: "best-simple", BASELINE: "myopic", PLANNER: "best planner"}  # of its third table
 
 
 Sweeps = Mapping[str, Mapping[str, Mapping[str, str]]]  # by environment: ``best_by_limit``
@@ -57,19 +57,19 @@ def _what_time_buys(sweeps: Sweeps) -> str:
         within = [best.get(limit_name(limit)) for limit in LIMITS]
         rows.append([name, *("" if row is None else _swept(row) for row in within)])
     head = ["environment", *(f"{limit:g} ms" for limit in LIMITS[:-1]), "unlimited"]
-    title = "The best policy within a CPU time for each decision, in per cent against the best simple heuristic"
+    title = "The best policy within a CPU time for each decision, in per cent against the best heuristic"
     return f"{title} (on tuning worlds, ± standard error):\n\n{tabulated(head, rows)}"
 
 
 def _swept(row: Mapping[str, str]) -> str:
-    """A policy and what it costs; without a planner it is a rule, whose standard error is left out."""
+    """A policy and what it costs; without a planner it is a heuristic, whose standard error is left out."""
     policy = "@".join(filter(None, (row["planner"], row["base"])))
     error = f" ± {float(row['standard_error_percent']):.1f}" if row["planner"] else ""
     return f"`{policy}` {signed(float(row['cost_vs_best_simple_percent']))}{error}"
 
 
 def overview(results: list[dict[str, Any]]) -> str:
-    """How much each policy costs by belief and errs by truth against the best simple rule, and the consistency."""
+    """How much each policy costs by belief and errs by truth against the best heuristic, and the consistency."""
     costs_and_errors = blocks.both(_overview(results, _by_belief), _overview(results, _by_truth))
     measured = [result for result in results if result["nees_dimension"]]
     if not measured:
@@ -83,7 +83,7 @@ Estimated = tuple[float | None, list[float] | None]  # a value and its interval
 
 def _overview(results: list[dict[str, Any]], against_simple: Callable[[dict[str, Any]], Estimated]) -> str:
     """One line for each environment."""
-    head = ["environment", "best simple heuristic", *STEPS[:-1], "best planner", "95 %"]
+    head = ["environment", "best heuristic", *STEPS[:-1], "best planner", "95 %"]
     rows = []
     for result in results:
         policies, prepared = result["policies"], result["tuned_constants"]

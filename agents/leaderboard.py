@@ -28,9 +28,9 @@ from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.consistency import consistency, reversals
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
-from wavegym.evaluation.play import Account
-from wavegym.evaluation.report import TABLE, compressed, read_accounts
-from wavegym.evaluation.saved import LEARNERS, SAVED
+from wavegym.evaluation.play import EpisodeResults
+from wavegym.evaluation.report import TABLE, compressed, read_results
+from wavegym.evaluation.saved import AGENTS, SAVED
 from wavegym.evaluation.table import (
     decimal,
     estimated,
@@ -58,9 +58,9 @@ def play(env_id: str, jobs: int) -> None:
     """Play the environment's saved agents; the episodes go to results/leaderboard."""
     files = {}
     for algo, folder in saved(env_id).items():
-        settings = environment_of(folder)
-        comparison = compare(env_id, {algo: folder}, worlds=WORLDS, jobs=jobs, keep=LEADERBOARD, **settings)
-        files[f"{stem(env_id)}-{algo}{TABLE}"] = compressed(comparison.accounts())
+        parameters = environment_of(folder)
+        comparison = compare(env_id, {algo: folder}, worlds=WORLDS, jobs=jobs, keep=LEADERBOARD, **parameters)
+        files[f"{stem(env_id)}-{algo}{TABLE}"] = compressed(comparison.by_policy())
     write_whole(LEADERBOARD, files)
 
 
@@ -76,7 +76,7 @@ def time_decisions(env_id: str) -> None:
 
 def saved(env_id: str) -> dict[str, Path]:
     """The folders of the environment's saved agents by algorithm."""
-    folders = {algo: SAVED / stem(env_id) / algo for algo in LEARNERS}
+    folders = {algo: SAVED / stem(env_id) / algo for algo in AGENTS}
     return {algo: folder for algo, folder in folders.items() if folder.is_dir()}
 
 
@@ -94,19 +94,19 @@ class Entry(NamedTuple):
     """One environment's line."""
 
     env_id: str
-    accounts: dict[str, Account]
+    by_policy: dict[str, EpisodeResults]
     us: dict[str, float]  # per decision, by policy; empty if not timed
 
     def against(self, name: str, reference: str) -> statistics.Estimate:
         """Geometric mean of the paired ratios of the costs by belief, in per cent."""
-        return against(self.accounts[name].cost, self.accounts[reference].cost)
+        return against(self.by_policy[name].cost, self.by_policy[reference].cost)
 
     def error_against(self, name: str, reference: str) -> statistics.Estimate:
         """The same of the squared errors by truth."""
-        return against(self.accounts[name].squared_error, self.accounts[reference].squared_error)
+        return against(self.by_policy[name].squared_error, self.by_policy[reference].squared_error)
 
     def recovered(self, name: str) -> statistics.Estimate:
-        """A policy's share of the planner's gain over the best simple heuristic; None if that is not significant.
+        """A policy's share of the planner's gain over the best heuristic; None if that is not significant.
 
         The gains are logarithms of the ratios of costs, so a share is as good in an environment of large gains as of
         small ones.
@@ -114,7 +114,7 @@ class Entry(NamedTuple):
         gain = self.against(PLANNER, SIMPLE)
         if gain.value is None or gain.ci is None or gain.ci[1] >= 0.0 or gain.value > LEAST:
             return statistics.Estimate(None, None)
-        own, others = (np.log(self.accounts[each].cost / self.accounts[SIMPLE].cost) for each in (name, PLANNER))
+        own, others = (np.log(self.by_policy[each].cost / self.by_policy[SIMPLE].cost) for each in (name, PLANNER))
         return statistics.ratio(own, np.broadcast_to(others, own.shape), _bootstrap())
 
 
@@ -138,15 +138,15 @@ def _bootstrap() -> np.random.Generator:
 def entry(env_id: str) -> Entry:
     """The results in one environment."""
     name = env_id.rpartition("/")[2]
-    accounts = read_accounts(HEADROOM / f"{name}{TABLE}")
-    for algo in LEARNERS:
+    by_policy = read_results(HEADROOM / f"{name}{TABLE}")
+    for algo in AGENTS:
         file = LEADERBOARD / f"{stem(env_id)}-{algo}{TABLE}"
         if file.exists():
-            read = read_accounts(file)
-            accounts |= {algo: read[algo], _rival(algo): read[BASELINE]}
+            read = read_results(file)
+            by_policy |= {algo: read[algo], _rival(algo): read[BASELINE]}
     times = LEADERBOARD / f"{stem(env_id)}.json"
     us = json.loads(times.read_text(encoding="utf-8"))["us_per_decision"] if times.exists() else {}
-    return Entry(env_id, accounts, us)
+    return Entry(env_id, by_policy, us)
 
 
 Comparer = Callable[[Entry, str, str], statistics.Estimate]  # of two policies by name
@@ -158,56 +158,56 @@ ALONE_STEPS = 1000  # a training with a teacher and no more steps is imitation a
 
 
 def table(entries: Sequence[Entry]) -> str:
-    """One line for each environment: the cost of each policy by belief against the best simple heuristic."""
+    """One line for each environment: the cost of each policy by belief against the best heuristic."""
     rows = []
     for e in entries:
         simple = names_played(e.env_id).get(SIMPLE, SIMPLE)
-        share = e.recovered("ppo") if "ppo" in e.accounts else statistics.Estimate(None, None)
+        share = e.recovered("ppo") if "ppo" in e.by_policy else statistics.Estimate(None, None)
         rows.append([_short(e), simple, *_against_simple(e, Entry.against), *shared(share)])
-    head = ["environment", "best simple heuristic", "myopic", *COMPARED, "PPO recovers", "95 %"]
+    head = ["environment", "best heuristic", "myopic", *COMPARED, "PPO recovers", "95 %"]
     return tabulated(head, rows)
 
 
 def scores(e: Entry) -> str:
-    """What an environment's page shows: the best policy known, and the policies against the best simple heuristic."""
+    """What an environment's page shows: the best policy known, and the policies against the best heuristic."""
     shown_as = _shown_as(e)
     by_belief = {name: e.against(name, SIMPLE) for name in shown_as}
     order = sorted(by_belief, key=lambda name: by_belief[name].value or 0.0)
     better = [name for name in order if (ci := by_belief[name].ci) is not None and ci[1] < 0.0]
     rows = []
     for name in order:
-        mean = number(statistics.average(e.accounts[name].cost))
+        mean = number(statistics.average(e.by_policy[name].cost))
         rows.append([shown_as[name], mean, *estimated(by_belief[name]), *estimated(e.error_against(name, SIMPLE))])
     head = ["policy", "mean cost", "cost %", "95 %", "squared error by truth %", "95 %"]
     best = shown_as[next(iter(better), SIMPLE)]
-    against_what = f"the best simple heuristic, {shown_as[SIMPLE]}, in the same {WORLDS} worlds"
+    against_what = f"the best heuristic, {shown_as[SIMPLE]}, in the same {WORLDS} worlds"
     return f"Best known: {best}. Policies against {against_what} (geometric means):\n\n{tabulated(head, rows)}"
 
 
 def _shown_as(e: Entry) -> dict[str, str]:
-    """What ``scores`` calls each policy; the one-step scheduler once, if it is the best simple heuristic."""
+    """What ``scores`` calls each policy; the one-step scheduler once, if it is the best heuristic."""
     names = names_played(e.env_id)
     found = {name: f"`{name}`" for name in ("random", BASELINE) if name != names[SIMPLE]}
     found |= {name: f"`{names[name]}`" for name in (SIMPLE, PLANNER)}
-    for algo in filter(e.accounts.__contains__, LEARNERS):
+    for algo in filter(e.by_policy.__contains__, AGENTS):
         parameters = _given(environment_of(SAVED / stem(e.env_id) / algo))
         found[algo] = f"`{algo}`, {parameters}" if parameters else f"`{algo}`"
     return found
 
 
 def errors(entries: Sequence[Entry]) -> str:
-    """One line for each environment: error by truth against the best simple heuristic, and tracks lost per episode."""
-    played = (SIMPLE, PLANNER, *LEARNERS)
+    """One line for each environment: error by truth against the best heuristic, and tracks lost per episode."""
+    played = (SIMPLE, PLANNER, *AGENTS)
     rows = []
     for e in entries:
-        lost = [decimal(statistics.average(e.accounts[name].lost)) if name in e.accounts else "" for name in played]
+        lost = [decimal(statistics.average(e.by_policy[name].lost)) if name in e.by_policy else "" for name in played]
         rows.append([_short(e), *_against_simple(e, Entry.error_against), *lost])
-    head = ["environment", "myopic", *COMPARED, "lost: best simple", "planner", "PPO", "DQN"]
+    head = ["environment", "myopic", *COMPARED, "lost: best-simple", "planner", "PPO", "DQN"]
     return tabulated(head, rows)
 
 
 def foresight(e: Entry) -> str:
-    """Whether the best planner costs less than the best simple heuristic, by ``LEAST`` or more, in a few words."""
+    """Whether the best planner costs less than the best heuristic, by ``LEAST`` or more, in a few words."""
     gain, error = e.against(PLANNER, SIMPLE), e.error_against(PLANNER, SIMPLE)
     if gain.value is None or gain.ci is None:
         return ""
@@ -220,13 +220,13 @@ def foresight(e: Entry) -> str:
 
 
 def orders(entries: Sequence[Entry]) -> str:
-    """The environments in which two policies have one order by belief and the other by truth."""
-    return blocks.order_list({_short(e): reversals(e.accounts, SEED) for e in entries})
+    """The environments in which belief and truth rank two policies differently."""
+    return blocks.order_list({_short(e): reversals(e.by_policy, SEED) for e in entries})
 
 
 def teachers(entries: Sequence[Entry]) -> str:
     """One line for each environment: what its agents learn from."""
-    rows = [[_short(e), *(learns_from(e.env_id, algo) for algo in LEARNERS)] for e in entries]
+    rows = [[_short(e), *(learns_from(e.env_id, algo) for algo in AGENTS)] for e in entries]
     return tabulated(["environment", "PPO learns from", "DQN learns from"], rows)
 
 
@@ -251,11 +251,11 @@ def stage_of(folder: Path) -> str:
 
 def consistency_table(entries: Sequence[Entry]) -> str:
     """One line for each environment: the mean NEES under each policy, flagged where it leaves its bounds."""
-    head = ["environment", "expected NEES", "best simple", "95 %", "planner", "95 %", *PAIRS]
+    head = ["environment", "expected NEES", "best-simple", "95 %", "planner", "95 %", *PAIRS]
     rows = []
     for e in entries:
         dimension = make_task(e.env_id, {}).system.nees_dimension
-        cells = [cell for name in (SIMPLE, PLANNER, *LEARNERS) for cell in _nees(e.accounts.get(name), dimension)]
+        cells = [cell for name in (SIMPLE, PLANNER, *AGENTS) for cell in _nees(e.by_policy.get(name), dimension)]
         rows.append([_short(e), "" if dimension is None else str(dimension), *cells])
     return tabulated(head, rows)
 
@@ -264,10 +264,10 @@ def medians(entries: Sequence[Entry]) -> str:
     """One line for each environment: medians of the ratios of the costs, which a few worlds cannot decide."""
     rows = []
     for e in entries:
-        simple = e.accounts[SIMPLE].cost
-        ratios = {name: e.accounts[name].cost / simple for name in (PLANNER, *LEARNERS) if name in e.accounts}
+        simple = e.by_policy[SIMPLE].cost
+        ratios = {name: e.by_policy[name].cost / simple for name in (PLANNER, *AGENTS) if name in e.by_policy}
         found = {name: statistics.median(100.0 * (ratio - 1.0)) for name, ratio in ratios.items()}
-        rows.append([_short(e), *(signed(found[name]) if name in found else "" for name in (PLANNER, *LEARNERS))])
+        rows.append([_short(e), *(signed(found[name]) if name in found else "" for name in (PLANNER, *AGENTS))])
     return tabulated(["environment", "median: best planner", "PPO", "DQN"], rows)
 
 
@@ -275,7 +275,7 @@ def details(entries: Sequence[Entry]) -> str:
     """One line for each environment: training seeds and time per decision."""
     rows = []
     for e in entries:
-        seeds = ", ".join(str(len(e.accounts[algo].cost)) for algo in LEARNERS if algo in e.accounts)
+        seeds = ", ".join(str(len(e.by_policy[algo].cost)) for algo in AGENTS if algo in e.by_policy)
         took = [f"{e.us[name]:.0f}" if name in e.us else "" for name in (ALONE, PLANNER, "ppo")]
         ratio = f"{e.us[ALONE] / e.us['ppo']:.0f}" if ALONE in e.us and "ppo" in e.us else ""
         rows.append([_short(e), seeds, *took, ratio])
@@ -287,7 +287,7 @@ def libraries(entries: Sequence[Entry]) -> str:
     head = ["environment", "agent", "parameters", "myopic there", "agent by belief", "95 %", "by truth", "95 %"]
     rows = []
     for e in entries:
-        for algo in filter(e.accounts.__contains__, LEARNERS):
+        for algo in filter(e.by_policy.__contains__, AGENTS):
             if parameters := environment_of(SAVED / stem(e.env_id) / algo):
                 shown_parameters = _given(parameters)
                 there = signed(e.against(_rival(algo), SIMPLE).value)
@@ -301,10 +301,10 @@ def _given(parameters: dict[str, Any]) -> str:
 
 
 def _against_simple(e: Entry, comparer: Comparer) -> list[str]:
-    """Myopic, the best planner and the agents against the best simple heuristic."""
+    """Myopic, the best planner and the agents against the best heuristic."""
     cells = [signed(comparer(e, BASELINE, SIMPLE).value), *estimated(comparer(e, PLANNER, SIMPLE))]
-    for algo in LEARNERS:
-        cells += estimated(comparer(e, algo, SIMPLE)) if algo in e.accounts else ["", ""]
+    for algo in AGENTS:
+        cells += estimated(comparer(e, algo, SIMPLE)) if algo in e.by_policy else ["", ""]
     return cells
 
 
@@ -313,14 +313,14 @@ def _short(e: Entry) -> str:
 
 
 def _rival(algo: str) -> str:
-    """The name of the one-step scheduler's account with the agent's actions."""
+    """The name of the one-step scheduler's results with the agent's actions."""
     return f"{BASELINE} for {algo}"
 
 
-def _nees(account: Account | None, dimension: int | None) -> list[str]:
-    if account is None:
+def _nees(results: EpisodeResults | None, dimension: int | None) -> list[str]:
+    if results is None:
         return ["", ""]
-    found = consistency(account, dimension, _bootstrap())
+    found = consistency(results, dimension, _bootstrap())
     return [flagged(found.nees.value, found.flag), interval(found.nees.ci, number)]
 
 

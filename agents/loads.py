@@ -1,6 +1,6 @@
 """The multifunction radar against its load: ``python -m agents.loads [LOAD ...]``.
 
-For each expected number of targets every rule is tuned on tuning worlds of that load (``--tune``), and then all
+For each expected number of targets every heuristic is tuned on tuning worlds of that load (``--tune``), and then all
 policies play the same test worlds. The agents are those of the registered load, without further training. Constants
 and results go to results/loads, tables and picture to docs/multifunction_radar.md. ``--planners`` plays the planners at
 one load, in short episodes: a decision takes them up to a tenth of a second. ``--shifts`` changes the radar or the
@@ -51,7 +51,7 @@ BOUND_TARGETS = 720  # at most so many paths in one lower bound
 PLANNED_LOAD, PLANNED_WORLDS, PLANNED_SECONDS = 16, 12, 6.0
 PLANNERS = ((1, 2), (2, 8), (8, 16))  # futures and dwells that are tried: about .7, 5 and 50 ms
 PLANNED_DECISIONS = 50
-SHIFTED_LOAD, SHIFTED_RULES = 16, (SIMPLE, "van-keuk-blackman", BASE)
+SHIFTED_LOAD, SHIFTED_HEURISTICS = 16, (SIMPLE, "van-keuk-blackman", BASE)
 SHIFTS: dict[str, dict[str, Any]] = {
     "beam of .7 deg": {"beam_width": 0.7},
     "beam of 2 deg": {"beam_width": 2.0},
@@ -63,21 +63,21 @@ SHIFTS: dict[str, dict[str, Any]] = {
 
 
 def tune(load: int, found: dict[str, Constants]) -> None:
-    """Add the constants of every rule that has none yet, on tuning worlds of this load; written as they come."""
+    """Add the constants of every heuristic that has none yet, on tuning worlds of this load; written as they come."""
     system = make_task(ENV_ID, {"targets": float(load), "seconds": TUNED_SECONDS}).system
     worlds = draw_worlds(system, world_seeds(SEED, "tune", TUNING))
     for name in (name for name in TIMELINE if name not in found):
-        rule = HEURISTICS[name]
-        if rule.intervals:
+        heuristic = HEURISTICS[name]
+        if heuristic.intervals:
             usual = found[SIMPLE]
-            starts = [{**start, **usual} for start in (rule.start, *rule.also)]
+            starts = [{**start, **usual} for start in (heuristic.start, *heuristic.also)]
 
-            def cost(constants: Constants, rule: Any = rule) -> float:
-                return log_cost(system, rule.make(**constants), worlds)
+            def cost(constants: Constants, heuristic: Any = heuristic) -> float:
+                return log_cost(system, heuristic.make(**constants), worlds)
 
-            found[name], _ = searched_constants(cost, rule.intervals, starts, Budget(CMA_ES, None), SEED)
+            found[name], _ = searched_constants(cost, heuristic.intervals, starts, Budget(CMA_ES, None), SEED)
         else:
-            found[name], _ = tuned(rule.make, rule.grid, rule.start, system, worlds, DESCENT)
+            found[name], _ = tuned(heuristic.make, heuristic.grid, heuristic.start, system, worlds, DESCENT)
         _write(f"constants_{load}.json", found)
 
 
@@ -100,12 +100,12 @@ def timed_again(results: Mapping[str, Any], constants: Mapping[str, Constants]) 
 
 def _policies(task: Task, constants: Mapping[str, Constants]) -> dict[str, list[Policy]]:
     """Everything that is played at a load, each a list of members."""
-    rules: dict[str, list[Policy]] = {name: [HEURISTICS[name].make(**constants[name])] for name in TIMELINE}
-    return {"random": [RandomChoice()], **rules, **_agents(task)}
+    heuristics: dict[str, list[Policy]] = {name: [HEURISTICS[name].make(**constants[name])] for name in TIMELINE}
+    return {"random": [RandomChoice()], **heuristics, **_agents(task)}
 
 
 def _agents(task: Task) -> dict[str, list[Policy]]:
-    """The trained agents by learner, each a list of seeds."""
+    """The trained agents by algorithm, each a list of seeds."""
     return {AGENT: load_policy(RUNS, ENV_ID, task.system)} if RUNS.exists() else {}
 
 
@@ -116,13 +116,13 @@ def _compared(
     played, costs = dict[str, Any](), dict[str, Array]()
     for name, members in policies.items():
         watched = [_play(task, member, seeds) for member in members]
-        costs[name] = np.stack([account.episode_cost() for account, _ in watched]) / task.system.c0  # type: ignore[attr-defined]
-        squares = np.stack([account.gospa**2 for account, _ in watched]) / task.system.c0  # type: ignore[attr-defined]
+        costs[name] = np.stack([record.episode_cost() for record, _ in watched]) / task.system.c0  # type: ignore[attr-defined]
+        squares = np.stack([record.gospa**2 for record, _ in watched]) / task.system.c0  # type: ignore[attr-defined]
         played[name] = {
             "belief": _estimate(costs[name]),
             "truth": _estimate(squares),
-            "nees": _estimate(np.stack([account.nees for account, _ in watched])),
-            "lost": float(np.mean([account.lost for account, _ in watched])),
+            "nees": _estimate(np.stack([record.nees for record, _ in watched])),
+            "lost": float(np.mean([record.lost for record, _ in watched])),
             **{key: float(np.mean([figures[key] for _, figures in watched])) for key in watched[0][1]},
             "microseconds": _microseconds(task, members, timed),
         }
@@ -141,7 +141,7 @@ def _bound(system: Any, load: int) -> dict[str, Any]:
 
 
 def planners_of(load: int, constants: Mapping[str, Constants]) -> dict[str, Any]:
-    """The planners and the rule that they follow, on the same worlds."""
+    """The planners and the heuristic that they follow, on the same worlds."""
     task = make_task(ENV_ID, {"targets": float(load), "seconds": PLANNED_SECONDS})
     base: Any = HEURISTICS[BASE].make(**constants[BASE])
     planners = {f"dwell-rollout:{futures}, {tried} dwells": (futures, tried) for futures, tried in PLANNERS}
@@ -159,17 +159,19 @@ def planners_of(load: int, constants: Mapping[str, Constants]) -> dict[str, Any]
 
 
 def shifts_of(load: int, constants: Mapping[str, Constants], worlds: int) -> dict[str, Any]:
-    """Rules and agents of one load in changed environments, whose parameters the tracker and prediction know."""
+    """Heuristics and agents of one load in changed environments, whose parameters the tracker and prediction know."""
     found = {}
     for name, changes in SHIFTS.items():
         task = make_task(ENV_ID, {"targets": float(load), **changes})
-        policies: dict[str, list[Policy]] = {rule: [HEURISTICS[rule].make(**constants[rule])] for rule in SHIFTED_RULES}
+        policies: dict[str, list[Policy]] = {
+            heuristic: [HEURISTICS[heuristic].make(**constants[heuristic])] for heuristic in SHIFTED_HEURISTICS
+        }
         found[name] = _compared(task, policies | _agents(task), world_seeds(SEED, "test", worlds), BASE, TIMED)
     return {"load": load, "worlds": worlds, "shifts": found}
 
 
 def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[str, float]]:
-    """An account, and what only the info tells.
+    """The record, and what only the info tells.
 
     False tracks on average over time, seconds to confirm at the end, the share of NEES beyond the quantile of .99, and
     the share of the time in searches.
@@ -188,13 +190,13 @@ def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[st
         if "waveform" in info:  # not after the reset
             searched += (info["duration"] * is_search[info["waveform"]])[running].sum()
 
-    account = play(task, policy, seeds, watch=watch)
+    played = play(task, policy, seeds, watch=watch)
     many, of_all = np.sum(beyond, axis=0)
-    return account, {
-        "false_tracks": float(np.sum(false) / account.span.sum()),
+    return played, {
+        "false_tracks": float(np.sum(false) / played.span.sum()),
         "confirm": float(delay.mean()),
         "beyond": float(many / of_all),
-        "searched": float(searched / account.span.sum()),
+        "searched": float(searched / played.span.sum()),
     }
 
 
@@ -204,17 +206,17 @@ def _microseconds(task: Task, members: list[Policy], timed: int) -> float:
 
 
 def _decision_seconds(task: Task, policy: Policy, timed: int) -> float:
-    """Mean CPU time of a decision of one environment, after ``TIMED`` dwells of the one-step rule: there are tracks."""
+    """Mean CPU time of a decision of one environment, after ``TIMED`` dwells of one heuristic: there are tracks."""
     env = WaveformVectorEnv(task.system, 1)
     observation, _ = env.reset(seed=SEED)
     policy.begin(task.system, 1, np.random.default_rng(0))
     spent = 0.0
-    rule: Policy = HEURISTICS[SIMPLE].make(**HEURISTICS[SIMPLE].start)
-    rule.begin(task.system, 1, np.random.default_rng(0))
+    heuristic: Policy = HEURISTICS[SIMPLE].make(**HEURISTICS[SIMPLE].start)
+    heuristic.begin(task.system, 1, np.random.default_rng(0))
     for n in range(TIMED + timed):
         belief, mask = env.belief, env.action_masks()
         begin = time.process_time()
-        action = (policy if n >= TIMED else rule).act(belief, observation, mask)
+        action = (policy if n >= TIMED else heuristic).act(belief, observation, mask)
         spent += (time.process_time() - begin) * (n >= TIMED)
         observation = env.step(action)[0]
     return spent / timed
@@ -241,7 +243,7 @@ def main() -> None:
     parser = Parser(prog="python -m agents.loads", description="The multifunction radar against its load.")
     parser.add_argument("loads", nargs="*", type=int, metavar="LOAD", help=f"targets (default: {LOADS})")
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")
-    parser.add_argument("--tune", action="store_true", help="first tune the rules that have no constants yet")
+    parser.add_argument("--tune", action="store_true", help="first tune the heuristics that have no constants yet")
     parser.add_argument("--planners", action="store_true", help=f"play only the planners, at {PLANNED_LOAD} targets")
     parser.add_argument("--shifts", action="store_true", help=f"play only changed radars, at {SHIFTED_LOAD} targets")
     parser.add_argument("--times", action="store_true", help="time the decisions of earlier results; play nothing")

@@ -142,7 +142,7 @@ def picture(results: list[dict[str, Any]], planned: Mapping[str, Any]) -> bytes:
 
 
 def _against_time(axes: Axes, result: Mapping[str, Any], planned: Mapping[str, Any]) -> None:
-    """Rules and agents, and the planners of short episodes, against the rule that the planners follow."""
+    """Heuristics and agents, and the planners of short episodes, against the heuristic that the planners follow."""
     shown = {name: (policy, COLOURS[name], "o") for name, policy in result["policies"].items()}
     planners = (name for name in planned.get("policies", {}) if name not in COLOURS)
     for n, name in enumerate(planners):

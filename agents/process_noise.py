@@ -60,7 +60,7 @@ class Recording(NamedTuple):
     ranges: Mapping[str, float] = NEAR
 
     @property
-    def settings(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, Any]:
         """Parameters of the system that play it."""
         return {
             "targets": "recorded",
@@ -80,14 +80,15 @@ def play(recording: Recording | None, worlds: int, jobs: int) -> dict[str, Any]:
     policies = {BASELINE: None, **dict.fromkeys(SCHEDULERS), "ppo": agents}
     found: dict[str, Any] = {"worlds": worlds, "cases": []}
     if recording:
-        system: Any = make_task(ENV_ID, recording.settings).system
+        system: Any = make_task(ENV_ID, recording.parameters).system
         played = system.recorded_windows
         targets = {played.locate(i)[0].id for i in range(len(played))}
         found |= {"file": recording.file.name, "radar": recording.radar}
         found |= {"windows": len(played), "targets": len(targets)}
     for tracker, q in _trackers(drawn=recording is None):
-        settings = {"tracker": tracker, **({} if q is None else {"q": q}), **(recording.settings if recording else {})}
-        comparison = compare(ENV_ID, policies, worlds=worlds, root=SEED, jobs=jobs, keep=FOLDER, **settings)
+        tracked_with = {"tracker": tracker, **({} if q is None else {"q": q})}
+        parameters = {**tracked_with, **(recording.parameters if recording else {})}
+        comparison = compare(ENV_ID, policies, worlds=worlds, seed=SEED, jobs=jobs, keep=FOLDER, **parameters)
         found["cases"].append({"tracker": tracker, "q": q, "policies": _figures(comparison)})
     return found
 

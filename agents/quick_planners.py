@@ -18,7 +18,7 @@ from wavegym.evaluation import compare, full_id, make_task
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.planner_sweep import Swept, best_within, made, read_sweep
-from wavegym.evaluation.report import TABLE, compressed, read_accounts
+from wavegym.evaluation.report import TABLE, compressed, read_results
 from wavegym.evaluation.table import estimated, tabulated
 from wavegym.schedulers.tuned_constants import SIMPLE, tuned_heuristic
 
@@ -29,7 +29,7 @@ START, END = "<!-- made by `python -m agents.quick_planners`: -->", "<!-- quick 
 
 
 def quick_planner(name: str) -> Swept:
-    """The best planner within the limit; the rules of a sweep, which plan nothing, do not count."""
+    """The best planner within the limit; the heuristics of a sweep, which plan nothing, do not count."""
     rows = read_sweep((SWEEPS / f"{name}-v0.csv").read_text(encoding="utf-8"))
     return best_within([row for row in rows if row.setting.planner], LIMIT)
 
@@ -40,11 +40,11 @@ def play(name: str, jobs: int) -> None:
     setting, system = quick_planner(name).setting, make_task(env_id, {}).system
     bases = {setting.base: tuned_heuristic(setting.base, system, None)} if setting.base else {}
     played = compare(env_id, {PLANNER: made(setting, bases)}, worlds=WORLDS, jobs=jobs, keep=LEADERBOARD)
-    write_whole(LEADERBOARD, {_file(name).name: compressed(played.accounts())})
+    write_whole(LEADERBOARD, {_file(name).name: compressed(played.by_policy())})
 
 
 def table(names: Sequence[str]) -> str:
-    """One line for each environment: the planner against the best simple rule, and PPO against the planner."""
+    """One line for each environment: the planner against the best heuristic, and PPO against the planner."""
     rows = []
     for name in names:
         chosen = quick_planner(name)
@@ -52,12 +52,12 @@ def table(names: Sequence[str]) -> str:
         what = f"`{setting.planner}@{setting.base}`" if setting.base else f"`{setting.planner}`"
         cells = ["", "", "", ""]
         if _file(name).exists():
-            planner = read_accounts(_file(name))[PLANNER].cost
-            simple = read_accounts(HEADROOM / f"{name}-v0{TABLE}")[SIMPLE].cost
-            ppo = read_accounts(LEADERBOARD / f"{name}-ppo{TABLE}")["ppo"].cost
+            planner = read_results(_file(name))[PLANNER].cost
+            simple = read_results(HEADROOM / f"{name}-v0{TABLE}")[SIMPLE].cost
+            ppo = read_results(LEADERBOARD / f"{name}-ppo{TABLE}")["ppo"].cost
             cells = [*estimated(against(planner, simple)), *estimated(against(ppo, planner))]
         rows.append([name, what, f"{chosen.cpu_ms:.1f}", *cells])
-    head = ["environment", "planner", "CPU ms", "planner against best simple", "95 %", "PPO against planner", "95 %"]
+    head = ["environment", "planner", "CPU ms", "planner against best-simple", "95 %", "PPO against planner", "95 %"]
     return tabulated(head, rows)
 
 

@@ -1,6 +1,6 @@
 """What agents learn from rewards, from a teacher, and from both: ``python -m agents.stages [ENVIRONMENT ...]``.
 
-Plays the learners ``ppo-scratch``, ``ppo-imitation`` and ``ppo-both`` of results/experiments.toml, and the same of DQN,
+Plays the agents ``ppo-scratch``, ``ppo-imitation`` and ``ppo-both`` of results/experiments.toml, and the same of DQN,
 on the worlds of `make leaderboard`. One of the three may be the saved agent itself, ``ppo``, whose settings say which.
 Episodes go to results/leaderboard, the tables to docs/learned.md. ``--tables`` renews the tables without playing.
 """
@@ -17,8 +17,8 @@ from wavegym.core.command_line import Parser, guarded
 from wavegym.evaluation import compare, full_id
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
-from wavegym.evaluation.report import TABLE, compressed, read_accounts
-from wavegym.evaluation.saved import LEARNERS, SAVED
+from wavegym.evaluation.report import TABLE, compressed, read_results
+from wavegym.evaluation.saved import AGENTS, SAVED
 from wavegym.evaluation.table import estimated, tabulated
 from wavegym.schedulers.tuned_constants import SIMPLE
 
@@ -26,8 +26,8 @@ START, END = "<!-- made by `python -m agents.stages`: -->", "<!-- stages to here
 STAGES = {"scratch": "from rewards alone", "imitation": "from the teacher alone", "both": "from both"}
 
 
-def learner(name: str, algo: str, stage: str) -> str | None:
-    """The learner of an environment that is this stage: one of its own, or the saved agent; None if there is none."""
+def agent(name: str, algo: str, stage: str) -> str | None:
+    """The agent of an environment that is this stage: one of its own, or the saved agent; None if there is none."""
     own = f"{algo}-{stage}"
     if (SAVED / name / own).is_dir():
         return own
@@ -35,29 +35,29 @@ def learner(name: str, algo: str, stage: str) -> str | None:
 
 
 def play(name: str, jobs: int) -> None:
-    """Play the learners of an environment that are no saved agents; the episodes go to results/leaderboard."""
+    """Play the agents of an environment that are no saved agents; the episodes go to results/leaderboard."""
     files = {}
-    for algo in LEARNERS:
+    for algo in AGENTS:
         for stage in STAGES:
-            own = learner(name, algo, stage)
+            own = agent(name, algo, stage)
             if own is not None and own != algo:
                 folder = SAVED / name / own
                 common: dict[str, Any] = {"worlds": WORLDS, "jobs": jobs, "keep": LEADERBOARD}
                 played = compare(full_id(f"{name}-v0"), {own: folder}, **common, **environment_of(folder))
-                files[f"{name}-{own}{TABLE}"] = compressed(played.accounts())
+                files[f"{name}-{own}{TABLE}"] = compressed(played.by_policy())
     write_whole(LEADERBOARD, files)
 
 
 def table(algo: str, names: Sequence[str]) -> str:
-    """One line for each environment: the cost of each stage against the best simple rule, and the training seeds."""
+    """One line for each environment: the cost of each stage against the best heuristic, and the training seeds."""
     rows = []
     for name in names:
-        simple = read_accounts(HEADROOM / f"{name}-v0{TABLE}")[SIMPLE].cost
+        simple = read_results(HEADROOM / f"{name}-v0{TABLE}")[SIMPLE].cost
         cells, seeds = [], []
         for stage in STAGES:
-            own = learner(name, algo, stage)
+            own = agent(name, algo, stage)
             file = LEADERBOARD / f"{name}-{own}{TABLE}"
-            cost = read_accounts(file)[own].cost if own is not None and file.exists() else None
+            cost = read_results(file)[own].cost if own is not None and file.exists() else None
             cells += ["", ""] if cost is None else estimated(against(cost, simple))
             seeds.append("-" if cost is None else str(len(cost)))
         rows.append([name, *cells, ", ".join(seeds)])
@@ -69,7 +69,7 @@ def table(algo: str, names: Sequence[str]) -> str:
 
 def renew(names: Sequence[str]) -> None:
     """Renew the tables in docs/learned.md."""
-    blocks.renew(PAGE, START, END, "\n\n".join(table(algo, names) for algo in LEARNERS))
+    blocks.renew(PAGE, START, END, "\n\n".join(table(algo, names) for algo in AGENTS))
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
-"""One figure for a whole suite: costs of a policy against the best simple heuristic over many environments.
+"""One figure for a whole suite: costs of a policy against the best heuristic over many environments.
 
 All figures rest on the logarithm of the ratio of the costs in a world. An environment that a policy does not play
-counts as played by the best simple heuristic: who has nothing better uses that. Agarwal et al. (2021), "Deep
+counts as played by the best heuristic: who has nothing better uses that. Agarwal et al. (2021), "Deep
 reinforcement learning at the edge of the statistical precipice", give the reasons for the interquartile mean, the
 probability of improvement and the performance profile.
 """
@@ -19,7 +19,7 @@ from wavegym.evaluation.statistics import Estimate
 
 
 class SuiteScore(NamedTuple):
-    """The figures of a policy over a suite; negative per cents = cheaper than the best simple heuristic."""
+    """The figures of a policy over a suite; negative per cents = cheaper than the best heuristic."""
 
     mean: Estimate  # geometric mean of the ratios over worlds and environments, per cent
     interquartile: Estimate  # the same of the middle half of all (environment, world)
@@ -30,7 +30,7 @@ def suite_score(logs: Mapping[str, Array], suite: list[str], rng: np.random.Gene
     """The figures, with intervals over worlds.
 
     Args:
-        logs: by environment, ln(cost over the best simple heuristic's), (world,), of equally many worlds.
+        logs: by environment, ln(cost over the best heuristic's), (world,), of equally many worlds.
         suite: all environments.
         rng: of the bootstrap.
     """

@@ -67,7 +67,7 @@ def page(env_id: str) -> str:
 
 
 def front() -> str:
-    """README's table: every environment, its best simple heuristic against myopic, and whether planning pays."""
+    """README's table: every environment, its best heuristic against myopic, and whether planning pays."""
     rows = []
     for env_id, record in SYSTEMS.items():
         name, cells = env_id.removeprefix(NAMESPACE), ("", "")

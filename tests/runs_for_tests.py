@@ -51,7 +51,7 @@ def arguments(algo: str, out: Path, *more: str) -> list[str]:
     """The same plan for the command line."""
     changes = [f"{key}={value}" for key, value in SMALL[algo].items()]
     environment = [f"{key}={value}" for key, value in ENVIRONMENT.items()]
-    fixed = ["--set", *changes, "--environment", *environment, "--checkpoint-every", str(EVERY[algo]), "--seed", "1"]
+    fixed = ["--setting", *changes, "--set", *environment, "--checkpoint-every", str(EVERY[algo]), "--seed", "1"]
     return [ID, "--algo", algo, "--out", str(out), "--quiet", *fixed, *more]
 
 

@@ -127,7 +127,7 @@ def test_training_without_torch_names_the_extra(installed: Installed) -> None:
 
 def test_with_torch_an_agent_is_trained_and_then_compared_without(installed: Installed) -> None:
     """With the published agent, and with myopic."""
-    small = ["--steps", "300", "--set", "num_envs=8", "n_steps=10", "batch_size=16", "n_epochs=2"]
+    small = ["--steps", "300", "--setting", "num_envs=8", "n_steps=10", "batch_size=16", "n_epochs=2"]
     train = ["train", "KershawEvansPosition-v0", "--algo", "ppo", "--out", "runs/small", "--quiet", *small]
     done = installed.run("wavegym", *train, WITH_TORCH="1")
     assert done.returncode == 0, done.stderr

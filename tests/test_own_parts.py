@@ -55,7 +55,7 @@ def test_a_chirp_law_reaches_other_processes(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_train_knows_the_reward(tmp_path: Path) -> None:
     small = ["num_envs=8", "n_steps=8", "batch_size=16", "n_epochs=1", "reward=worst-target"]
-    given = ["--algo", "ppo", "--steps", "64", "--import", "own_parts", "--set", *small, "--quiet"]
+    given = ["--algo", "ppo", "--steps", "64", "--import", "own_parts", "--setting", *small, "--quiet"]
     done = run("train.py", "KershawEvansPosition-v0", *given, "--out", str(tmp_path / "run"))
     assert done.returncode == 0, done.stderr
     assert json.loads((tmp_path / "run" / "run.json").read_text())["settings"]["reward"] == "worst-target"

@@ -84,7 +84,7 @@ def register_scheduler(name: str, make: Any) -> None:
 
 
 def register_reward(name: str, make: Any) -> None:
-    """Register a reward: ``gym.make(id, reward=name)`` and ``--set reward=name`` in training then find it.
+    """Register a reward: ``gym.make(id, reward=name)`` and ``wavegym train --setting reward=name`` then find it.
 
     Args:
         name: letters, digits, '-', '_' and '.'.

@@ -2,7 +2,7 @@
 
     cd examples/street && python street_trial.py --choices "turning beam,energy" --page ../../docs/street.md
 
-Three choices of ``street.py``. The best simple rule is chosen on tuning worlds, and planners follow it. All policies
+Three choices of ``street.py``. The best heuristic is chosen on tuning worlds, and planners follow it. All policies
 play the same test worlds.
 """
 
@@ -31,7 +31,7 @@ TRIALS = {
     "time": {"kind": "time"},
 }
 HEAD = (
-    "| choice | policy | mean cost, m² | cost against the best simple rule, % (95 %) | squared GOSPA, % (95 %) |",
+    "| choice | policy | mean cost, m² | cost against the best heuristic, % (95 %) | squared GOSPA, % (95 %) |",
     "|:--|:--|--:|--:|--:|",
 )
 BEGIN, END = "<!-- made by `street_trial.py`: -->", "<!-- street to here -->"
@@ -55,7 +55,7 @@ def simple_rules(system: Street) -> Iterator[tuple[str, Any]]:
 
 
 def planners(base: Any) -> Iterator[tuple[str, Any]]:
-    """Planners on the best simple rule, and one without a base."""
+    """Planners on the best heuristic, and one without a base."""
     yield "lookahead:3", Lookahead(3)
     yield "rollout:12", RolloutPlanner(base, 12, holds=(1, 4), futures=4)
 
@@ -87,7 +87,7 @@ def rows(name: str, tunings: int, count: int) -> Iterator[str]:
     costs = {rule: float(np.log(played(system, policy, tuning)[0]).mean()) for rule, policy in rules.items()}
     best = min(costs, key=lambda rule: costs[rule])
     reference = played(system, rules[best], test)
-    yield f"| {name} | best simple: {best} | {reference[0].mean():.0f} | 0 | 0 |"
+    yield f"| {name} | best-simple: {best} | {reference[0].mean():.0f} | 0 | 0 |"
     for policy, choice in (("random", RandomChoice()), ("myopic", Myopic()), *planners(rules[best])):
         cost, error = played(system, choice, test)
         by_belief, by_truth = against(cost, reference[0]), against(error, reference[1])

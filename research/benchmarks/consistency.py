@@ -25,11 +25,11 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
 from wavegym.schedulers.tuned_constants import recorded
 
-ROOT = 22  # seed of the worlds
+SEED = 22  # of the worlds
 ENVIRONMENTS = ("AgileClutter-v0", "BeamAllocation-v0", "EnergyBudget-v0", "EnergyBudgetKnown-v0")
 SIZES = {"jpda": (0,), "mixture": (1, 2, 4, 8, 16, 32, 64), "particle": (100, 1000, 10_000)}
 PARAMETER = {"mixture": "components", "particle": "particles"}
-POLICIES = ("random", "myopic", "best-planner")  # beside the best simple one
+POLICIES = ("random", "myopic", "best-planner")  # beside best-simple
 SLOW = {("particle", 10_000): 5, "best-planner": 12}  # are played on so many times fewer worlds
 
 SHOWN = {"nees": "NEES", "nees_kept": "NEES, kept", "true_over_believed": "true / believed", "error": "true error"}
@@ -62,7 +62,7 @@ class Figures(NamedTuple):
 
 
 def cases(sizes: dict[str, tuple[int, ...]]) -> Iterator[Case]:
-    """The curve of every tracker and size with the best simple policy, then other policies, planners last."""
+    """The curve of every tracker and size with the best heuristic, then other policies, planners last."""
     for environment in ENVIRONMENTS:
         for tracker, counts in sizes.items():
             for size in counts:
@@ -80,8 +80,8 @@ def play(case: Case, count: int) -> tuple[Figures, float]:
     default = make_task(case.environment, {}).system
     changed = {"tracker": case.tracker} | ({PARAMETER[case.tracker]: case.size} if case.size else {})
     system: Any = make_task(case.environment, changed).system
-    policy, worlds = make_policy(case.policy, default, None), draw_worlds(system, world_seeds(ROOT, "test", count))
-    policy.begin(system, count, np.random.default_rng(ROOT))
+    policy, worlds = make_policy(case.policy, default, None), draw_worlds(system, world_seeds(SEED, "test", count))
+    policy.begin(system, count, np.random.default_rng(SEED))
     state, weights = system.initial(worlds), np.asarray(system.weights)
     system.transition(state, shortcuts.constants(system)[:1].repeat(count, axis=0), worlds)  # compiles
     steps, spent = [], 0.0

@@ -19,7 +19,7 @@ from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
 ENV_ID = "wavegym/MultifunctionRadar-v0"
 SHAPES = ((1, 64), (64, 16), (64, 64), (64, 256))  # environments, slots
-RULES = ("van-keuk-blackman", "gain-per-second", "searched-dwell")
+HEURISTICS = ("van-keuk-blackman", "gain-per-second", "searched-dwell")
 WARM, STEPS, ROUNDS = 200, 100, 7
 
 
@@ -72,7 +72,7 @@ def speeds() -> dict[str, float]:
 def decisions() -> dict[str, float]:
     """Microseconds of a decision in one environment of the registered size."""
     system = MultifunctionRadar()
-    policies = {rule: tuned_heuristic(rule, system, None) for rule in RULES}
+    policies = {heuristic: tuned_heuristic(heuristic, system, None) for heuristic in HEURISTICS}
     policies["ppo"] = wavegym.load_agent(ENV_ID, "ppo")
     return {name: Loop(policy, 1, system.slots).decision_us() for name, policy in policies.items()}
 

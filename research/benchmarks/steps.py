@@ -1,6 +1,6 @@
 """Steps per second of every environment: ``python -m research.benchmarks.steps [ID ...]``.
 
-Under random allowed actions, the best simple rule and the trained agent, single and in batches, on one core; in the
+Under random allowed actions, the best heuristic and the trained agent, single and in batches, on one core; in the
 largest batch also on two. Only ``step`` and the resets in it are timed, not the decisions. A step on one core counts in
 CPU time; two threads are compared with one by the wall clock, in turn, so the machine should have nothing else to do.
 Figures go to results/speed.csv, the table to docs/speed.md and (``python -m research.pages``) the environments' pages.
@@ -50,9 +50,9 @@ class Player:
 
     def __init__(self, env_id: str, actions: str, count: int, threads: int = 1) -> None:
         run = SAVED / stem(env_id) / "ppo" / "seed0" / RUN
-        settings = environment_of(read_run(run)) if actions == TRAINED else {}
-        self.envs: Any = gym.make_vec(env_id, num_envs=count, num_threads=threads, **settings)
-        agent = wavegym.load_agent(env_id, "ppo", **settings) if actions == TRAINED else actions
+        parameters = environment_of(read_run(run)) if actions == TRAINED else {}
+        self.envs: Any = gym.make_vec(env_id, num_envs=count, num_threads=threads, **parameters)
+        agent = wavegym.load_agent(env_id, "ppo", **parameters) if actions == TRAINED else actions
         self.envs.reset(seed=0)
         loop: Any = self.envs.unwrapped
         self._policy = loop.policy(agent)

@@ -20,7 +20,7 @@ class Paper(Protocol):
     Attributes:
         TRACKERS: values of ``--tracker``; empty where the user has no choice.
         FILES: names of the files that ``write`` makes; the last one is ``summary.json``.
-        play: play(runs, root, jobs, *, store, ...) plays the study.
+        play: play(runs, seed, jobs, *, store, ...) plays the study.
     """
 
     TRACKERS: Sequence[str]

@@ -13,19 +13,19 @@ from wavegym.evaluation import statistics
 from wavegym.evaluation.statistics import LEVEL, Estimate
 
 
-def mean_estimate(values: Array, root: int) -> Estimate:
+def mean_estimate(values: Array, seed: int) -> Estimate:
     """The mean of (run,) values. All calls use the same resamples, so an interval depends on its own values only."""
-    return statistics.mean(values[None], _generator(root)) if len(values) else Estimate(None, None)
+    return statistics.mean(values[None], _generator(seed)) if len(values) else Estimate(None, None)
 
 
-def share_estimate(values: Array, root: int) -> Estimate:
+def share_estimate(values: Array, seed: int) -> Estimate:
     """The mean of (run,) shares. Where all runs agree, or each has 0 or 1, a bootstrap interval is too narrow.
 
     The interval is then the exact one of a count of n runs. Where all runs agree on a share between 0 and 1, it is the
     range of the mean if the share of runs with another value is as large as a count of 0 in n allows.
     """
     if not len(values) or not (np.isin(values, (0.0, 1.0)).all() or (values == values[0]).all()):
-        return mean_estimate(values, root)
+        return mean_estimate(values, seed)
     from scipy.stats import binomtest  # half a second that a worker process need not spend
 
     share = float(values.mean())
@@ -36,24 +36,24 @@ def share_estimate(values: Array, root: int) -> Estimate:
     return Estimate(share, (float(exact.low), float(exact.high)))
 
 
-def ratio_estimates(values: Array, reference: Array, root: int) -> dict[str, Any]:
+def ratio_estimates(values: Array, reference: Array, seed: int) -> dict[str, Any]:
     """The ratio of means and the geometric mean of the runs' ratios, with paired intervals; both arguments (run,)."""
     if not len(values):
         return {"ratio": None, "ci": None, "geometric": None, "geometric_ci": None, "runs": 0}
-    found = statistics.difference(values[None], reference[None], _generator(root))
+    found = statistics.difference(values[None], reference[None], _generator(seed))
     (ratio, ci), (geometric, geometric_ci) = (_from_percent(estimate) for estimate in found)
     return {"ratio": ratio, "ci": ci, "geometric": geometric, "geometric_ci": geometric_ci, "runs": len(values)}
 
 
-def rms_estimate(squares: Array, counts: Array, root: int) -> Estimate:
+def rms_estimate(squares: Array, counts: Array, seed: int) -> Estimate:
     """Root of the mean of all squares: ``squares`` (run,) are their sums, ``counts`` (run,) how many there are."""
-    return statistics.of_worlds(lambda runs: _rms(squares, counts, runs), len(squares), _generator(root))
+    return statistics.of_worlds(lambda runs: _rms(squares, counts, runs), len(squares), _generator(seed))
 
 
-def rms_ratio(ours: tuple[Array, Array], reference: tuple[Array, Array], root: int) -> dict[str, Any]:
+def rms_ratio(ours: tuple[Array, Array], reference: tuple[Array, Array], seed: int) -> dict[str, Any]:
     """One root mean square, (squares, counts) as for ``rms_estimate``, over another of the same worlds."""
     found = statistics.of_worlds(
-        lambda runs: _rms(*ours, runs) / _rms(*reference, runs), len(ours[0]), _generator(root)
+        lambda runs: _rms(*ours, runs) / _rms(*reference, runs), len(ours[0]), _generator(seed)
     )
     return {"ratio": found.value, "ci": None if found.ci is None else list(found.ci)}
 
@@ -72,5 +72,5 @@ def _rms(squares: Array, counts: Array, runs: Array) -> Array:
     return np.asarray(np.sqrt(squares[runs].sum(axis=-1) / counts[runs].sum(axis=-1)))
 
 
-def _generator(root: int) -> np.random.Generator:
-    return np.random.default_rng([root, word(BOOTSTRAP)])
+def _generator(seed: int) -> np.random.Generator:
+    return np.random.default_rng([seed, word(BOOTSTRAP)])

@@ -20,7 +20,7 @@ from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
 from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
-from wavegym.evaluation.report import TABLE, read_accounts
+from wavegym.evaluation.report import TABLE, read_results
 from wavegym.evaluation.table import tabulated
 from wavegym.schedulers.tuned_constants import SIMPLE
 
@@ -55,9 +55,9 @@ def names() -> list[str]:
 
 
 def row(name: str) -> list[str]:
-    """An environment's line: the coverage of PPO's first training seed against the best simple rule."""
-    own = read_accounts(LEADERBOARD / f"{name}-ppo{TABLE}")["ppo"].cost[:1]
-    others = read_accounts(HEADROOM / f"{name}-v0{TABLE}")[SIMPLE].cost[:1]
+    """An environment's line: the coverage of PPO's first training seed against the best heuristic."""
+    own = read_results(LEADERBOARD / f"{name}-ppo{TABLE}")["ppo"].cost[:1]
+    others = read_results(HEADROOM / f"{name}-v0{TABLE}")[SIMPLE].cost[:1]
     if (own == others).all():
         return [name, "equal costs", ""]
     return [name, *map(said, covered(own, others))]

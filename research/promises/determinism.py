@@ -1,6 +1,6 @@
 """The same episodes in every way of playing: ``python -m research.promises.determinism [ENVIRONMENT ...]``.
 
-Each environment plays eight episodes under the best simple rule and PPO: in one batch, one by one, in threads, in
+Each environment plays eight episodes under the best heuristic and PPO: in one batch, one by one, in threads, in
 smaller batches of other processes, and on a Ray cluster where Ray is installed. Observations, rewards and flags of all
 steps must be the same, byte for byte; else the command fails. (Random actions are drawn for a batch as a whole, so they
 differ between batches of different size.)
@@ -37,26 +37,26 @@ POLICIES = (SIMPLE, PPO)
 
 def batch(env_id: str, policy: str, seeds: Sequence[int], threads: int = 1) -> list[str]:
     """A digest of each episode up to its end, at most ``STEPS`` steps, played in one batch."""
-    agent, settings = _player(env_id, policy)
-    envs: Any = gym.make_vec(env_id, num_envs=len(seeds), num_threads=threads, **settings)
+    agent, parameters = _player(env_id, policy)
+    envs: Any = gym.make_vec(env_id, num_envs=len(seeds), num_threads=threads, **parameters)
     return _played(envs, agent, list(seeds))
 
 
 def single(env_id: str, policy: str, seeds: Sequence[int]) -> list[str]:
     """As ``batch``, one environment after the other."""
-    agent, settings = _player(env_id, policy)
+    agent, parameters = _player(env_id, policy)
     found = []
     for seed in seeds:
-        found += _played(gym.make(env_id, disable_env_checker=True, **settings), agent, seed)
+        found += _played(gym.make(env_id, disable_env_checker=True, **parameters), agent, seed)
     return found
 
 
 def _player(env_id: str, policy: str) -> tuple[Any, dict[str, Any]]:
-    """A policy and the settings of its environment."""
+    """A policy and the parameters of its environment."""
     if policy != PPO:
         return policy, {}
-    settings = environment_of(SAVED / stem(env_id) / PPO)
-    return wavegym.load_agent(env_id, PPO, **settings), settings
+    parameters = environment_of(SAVED / stem(env_id) / PPO)
+    return wavegym.load_agent(env_id, PPO, **parameters), parameters
 
 
 def _played(env: Any, policy: Any, seed: Any) -> list[str]:
@@ -112,7 +112,7 @@ def differing(env_id: str, policy: str, ways: Sequence[str]) -> list[str]:
 def policies_of(env_id: str) -> Sequence[str]:
     """The policies under which an environment is played.
 
-    Without an agent, a round robin alone: the other rules try waveforms out first, which takes hours in UrbanSignal.
+    Without an agent, a round robin alone: other heuristics try waveforms out first, which takes hours in UrbanSignal.
     """
     return POLICIES if (SAVED / stem(env_id) / PPO).exists() else ("round-robin",)
 

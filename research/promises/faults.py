@@ -25,7 +25,10 @@ WAVEGYM = (sys.executable, "-m", "wavegym")
 SMALL = ["num_envs=8", "n_steps=10", "batch_size=40", "n_epochs=2", "network=[8,8]", "steps=40_000", "variants=[]"]
 COMMANDS = {
     "train": (
-        ("train", "KershawEvansPosition-v0", "--algo", "ppo", "--quiet", "--checkpoint-every", "400", "--set", *SMALL),
+        (
+            *["train", "KershawEvansPosition-v0", "--algo", "ppo", "--quiet", "--checkpoint-every", "400", "--setting"],
+            *SMALL,
+        ),
         ("policy.npz", "curve.csv"),
     ),
     "evaluate": (

@@ -184,7 +184,7 @@ def maps() -> list[bytes]:
 def reports(draw: Callable[[Any], Any], folder: Path) -> None:
     """The HTML report of a comparison with any names: no name becomes markup."""
     comparison, summary = compared()
-    text = page(comparison, {**summary, "settings": draw(st.dictionaries(TEXT, TEXT, max_size=3))}).decode()
+    text = page(comparison, {**summary, "parameters": draw(st.dictionaries(TEXT, TEXT, max_size=3))}).decode()
     seen = Tags()
     seen.feed(text)
     if seen.found != plain_tags():

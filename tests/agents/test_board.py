@@ -1,4 +1,4 @@
-"""The board of a release: its root is drawn once, and its page holds every record."""
+"""The board of a release: its seed is drawn once, and its page holds every record."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from agents import board
 from wavegym.core.errors import InputError
 from wavegym.core.version import VERSION
-from wavegym.evaluation.submission import SETTINGS
+from wavegym.evaluation.submission import PARAMETERS
 
 
 @pytest.fixture
@@ -29,24 +29,24 @@ def test_a_root_is_drawn_once_for_a_version(folder: Path, monkeypatch: pytest.Mo
     board.release()
     found, about = board.latest()
     assert found == folder / VERSION
-    assert 0 <= about["root"] < 2**31
-    with pytest.raises(InputError, match="has a root already"):
+    assert 0 <= about["seed"] < 2**31
+    with pytest.raises(InputError, match="has a seed already"):
         board.release()
     for version in ("0.9.0", "0.10.0"):
         monkeypatch.setattr(board, "VERSION", version)
         board.release()
     later, other = board.latest()
     assert later.name == "0.10.0", "not by the alphabet"
-    assert other["root"] != about["root"]
+    assert other["seed"] != about["seed"]
 
 
 def test_the_agents_of_the_suite_are_those_whose_actions_the_board_admits() -> None:
     ppo, dqn = board.own("ppo"), board.own("dqn")
     assert "wavegym/MultifunctionRadar-v0" in ppo.policies
-    assert ppo.policies["wavegym/AgileClutter-v0"].settings == {"action": "joint"}
+    assert ppo.policies["wavegym/AgileClutter-v0"].parameters == {"action": "joint"}
     assert "wavegym/RfEo-v0" not in dqn.policies, "its library is a part of the environment"
     for entry in (*ppo.policies.values(), *dqn.policies.values()):
-        assert set(entry.settings) <= set(SETTINGS)
+        assert set(entry.parameters) <= set(PARAMETERS)
         assert entry.file.name == "seed0"
         assert entry.steps > 0
 
@@ -60,7 +60,7 @@ def test_the_page_holds_every_record_of_the_latest_release(folder: Path) -> None
         environments["wavegym/KershawEvans-v0"][name] = [1.0, 2.0]  # type: ignore[assignment]
     for name, ratio in (("plum", 0.9), ("pear", 0.8)):
         costs = {"wavegym/KershawEvans-v0": {**environments["wavegym/KershawEvans-v0"], "cost": [ratio, 2.0 * ratio]}}
-        about = {"name": name, "code": "here", "version": VERSION, "root": 1, "worlds": 2, "environments": costs}
+        about = {"name": name, "code": "here", "version": VERSION, "seed": 1, "worlds": 2, "environments": costs}
         (folder / VERSION / f"{name}.json").write_text(json.dumps(about))
     board.renew()
     page = (folder / "page.md").read_text()

@@ -110,5 +110,5 @@ def test_a_track_of_constant_updates_has_the_covariance_of_a_kalman_filter():
 
 
 def test_no_policy_is_below_the_bound_by_truth(bound):
-    account = play(Task("", SYSTEM, None, {}), GainPerSecond(0.5, 1.0), SEEDS)
-    assert (account.gospa**2 / SYSTEM.c0).mean() > bound.value
+    played = play(Task("", SYSTEM, None, {}), GainPerSecond(0.5, 1.0), SEEDS)
+    assert (played.gospa**2 / SYSTEM.c0).mean() > bound.value

@@ -1,4 +1,4 @@
-"""Learned agents and schedulers in one table: the accounts are what was played, the figures follow from them."""
+"""Learned agents and schedulers in one table: the results are what was played, the figures follow from them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from agents import timing
 from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, make_task, saved
 from wavegym.evaluation.adapters import as_policies
-from wavegym.evaluation.play import Account
+from wavegym.evaluation.play import EpisodeResults
 from wavegym.evaluation.report import compressed
 from wavegym.schedulers import Lookahead, Myopic
 from wavegym.schedulers.tuned_constants import recorded
@@ -23,13 +23,13 @@ from wavegym.systems.kershaw_evans.system import KershawEvans
 
 
 def entry(**costs: list[float]) -> leaderboard.Entry:
-    return leaderboard.Entry(ID, {name.replace("_", "-"): account(cost) for name, cost in costs.items()}, {})
+    return leaderboard.Entry(ID, {name.replace("_", "-"): results(cost) for name, cost in costs.items()}, {})
 
 
-def account(cost: list[float]) -> Account:
+def results(cost: list[float]) -> EpisodeResults:
     """With errors as believed."""
     costs, nothing = np.array([cost]), np.full((1, len(cost)), np.nan)
-    return Account(costs, np.sqrt(costs), np.sqrt(costs), nothing, 2.0 + 0.0 * costs, 0.0 * costs, nothing)
+    return EpisodeResults(costs, np.sqrt(costs), np.sqrt(costs), nothing, 2.0 + 0.0 * costs, 0.0 * costs, nothing)
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     monkeypatch.setattr(leaderboard, "PAGE", tmp_path / "PAGE")
     policies = {"best-simple": Myopic(), "best-planner": Lookahead(2)}
     ladder = compare(ID, policies, worlds=4, jobs=1, progress=False, horizon=7)
-    (tmp_path / "headroom" / "KershawEvansPosition-v0.csv.xz").write_bytes(compressed(ladder.accounts()))
+    (tmp_path / "headroom" / "KershawEvansPosition-v0.csv.xz").write_bytes(compressed(ladder.by_policy()))
     return tmp_path
 
 
@@ -59,12 +59,12 @@ def test_accounts_are_what_was_played(folders: Path) -> None:
     leaderboard.time_decisions(ID)
     found = leaderboard.entry(ID)
     rivals = {"myopic for ppo", "myopic for dqn"}
-    assert set(found.accounts) == {"myopic", "best-simple", "best-planner", "ppo", "dqn", *rivals}
+    assert set(found.by_policy) == {"myopic", "best-simple", "best-planner", "ppo", "dqn", *rivals}
     for name in rivals:  # the same actions here
-        np.testing.assert_allclose(found.accounts[name].cost, found.accounts["myopic"].cost, rtol=1e-12)
-    assert all(account.cost.shape == account.nees.shape == (1, 4) for account in found.accounts.values())
+        np.testing.assert_allclose(found.by_policy[name].cost, found.by_policy["myopic"].cost, rtol=1e-12)
+    assert all(results.cost.shape == results.nees.shape == (1, 4) for results in found.by_policy.values())
     again = compare(ID, {"best-simple": Myopic()}, worlds=4, jobs=1, progress=False, horizon=7)
-    np.testing.assert_allclose(found.accounts["best-simple"].cost, again.cost("best-simple"), rtol=1e-12)
+    np.testing.assert_allclose(found.by_policy["best-simple"].cost, again.cost("best-simple"), rtol=1e-12)
     assert set(found.us) == {"best-planner", timing.ALONE, "ppo", "dqn"}
     assert min(found.us.values()) > 0.0
     assert found.against("myopic", "best-simple").value == pytest.approx(0.0)
@@ -80,7 +80,7 @@ def test_the_tables_go_between_the_marks(folders: Path) -> None:
     confined = [line.split("|")[2:5] for line in page.splitlines() if line.startswith("| KershawEvansPosition ")]
     assert [[cell.strip() for cell in row] for row in confined] == [[a, "horizon=7", "0"] for a in ("PPO", "DQN")]
     assert page.count("By truth:") == 1
-    assert "order by truth" in page or "No two policies" in page
+    assert "Belief and truth rank" in page or "belief and truth rank" in page
     lines = [line for line in page.splitlines() if line.startswith("| KershawEvansPosition-v0")]
     assert [cell.strip() for cell in lines[2].split("|")[2:4]] == ["rewards", "rewards"]
     assert lines[0].split("|")[2].strip() == recorded(make_task(ID, {}).system)["best-simple"]
@@ -133,8 +133,8 @@ def test_what_is_recovered_of_an_established_gain_is_a_share_of_logarithms() -> 
 def test_foresight_pays_where_a_gain_is_established(planner: float, by_truth: float, words: str) -> None:
     worlds = np.arange(1.0, 31.0)
     played = entry(best_simple=[*worlds], best_planner=[*(planner * worlds)])
-    account = played.accounts["best-planner"]
-    played.accounts["best-planner"] = account._replace(rmse=np.sqrt(by_truth * worlds)[None])
+    results = played.by_policy["best-planner"]
+    played.by_policy["best-planner"] = results._replace(rmse=np.sqrt(by_truth * worlds)[None])
     assert leaderboard.foresight(played) == words
 
 
@@ -163,8 +163,8 @@ def test_decisions_for_a_single_environment_are_compared() -> None:
 def test_errors_orders_and_consistency_follow_from_the_accounts(monkeypatch: pytest.MonkeyPatch) -> None:
     worlds = np.arange(1.0, 31.0)
     played = entry(best_simple=[*worlds], myopic=[*worlds], best_planner=[*(0.8 * worlds)], ppo=[*(0.7 * worlds)])
-    flattered = played.accounts["ppo"]._replace(rmse=np.sqrt(1.2 * worlds)[None], nees=4.0 + 0.01 * worlds[None])
-    played.accounts["ppo"] = flattered._replace(lost=np.full((1, 30), 0.5))
+    flattered = played.by_policy["ppo"]._replace(rmse=np.sqrt(1.2 * worlds)[None], nees=4.0 + 0.01 * worlds[None])
+    played.by_policy["ppo"] = flattered._replace(lost=np.full((1, 30), 0.5))
     line = leaderboard.errors([played]).splitlines()[-1]
     assert [cell.strip() for cell in line.split("|")[2:-1]] == [
         *("0", "-20.0", "-20.0 to -20.0", "+20.0", "+20.0 to +20.0", "", "", "0.000", "0.000", "0.500", "")

@@ -34,10 +34,10 @@ def test_every_policy_is_played_and_its_figures_are_those_of_play(brief):
     assert set(found["policies"]) == {"random", *TIMELINE}
     task = make_task(loads.ENV_ID, {"targets": 4.0, "seconds": 0.6})
     name = "van-keuk-blackman"
-    account = play(task, HEURISTICS[name].make(**constants[name]), world_seeds(loads.SEED, "test", 5))
+    played = play(task, HEURISTICS[name].make(**constants[name]), world_seeds(loads.SEED, "test", 5))
     shown = found["policies"][name]
-    assert shown["belief"]["value"] == pytest.approx(account.episode_cost().mean() / task.system.c0, rel=1e-12)
-    assert shown["truth"]["value"] == pytest.approx((account.gospa**2).mean() / task.system.c0, rel=1e-12)
+    assert shown["belief"]["value"] == pytest.approx(played.episode_cost().mean() / task.system.c0, rel=1e-12)
+    assert shown["truth"]["value"] == pytest.approx((played.gospa**2).mean() / task.system.c0, rel=1e-12)
     assert found["policies"][loads_page.BASE]["against"]["value"] == 0.0
     again = loads.timed_again(found, constants)
     assert again["policies"][name] == {**shown, "microseconds": again["policies"][name]["microseconds"]}

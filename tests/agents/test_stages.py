@@ -29,8 +29,8 @@ def changed(folder: Path, **settings: object) -> None:
 @pytest.fixture
 def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str, Path]) -> Path:
     """PPO from scratch as the saved agent, beside it one of both and one of imitation; no DQN; a ladder."""
-    for learner in ("ppo", "ppo-both", "ppo-imitation"):
-        shutil.copytree(unbroken["ppo"], tmp_path / "runs" / NAME / learner / "seed0")
+    for agent in ("ppo", "ppo-both", "ppo-imitation"):
+        shutil.copytree(unbroken["ppo"], tmp_path / "runs" / NAME / agent / "seed0")
     changed(tmp_path / "runs" / NAME / "ppo-both" / "seed0", teacher="myopic", steps=2000)
     for name, folder in {"SAVED": "runs", "HEADROOM": "headroom", "LEADERBOARD": "leaderboard"}.items():
         (tmp_path / folder).mkdir(exist_ok=True)
@@ -40,7 +40,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     (tmp_path / "PAGE").write_text(f"before\n{stages.START}\n{stages.END}\nafter\n")
     monkeypatch.setattr(stages, "PAGE", tmp_path / "PAGE")
     ladder = compare(ID, {"best-simple": Myopic()}, worlds=4, jobs=1, progress=False, horizon=7)
-    (tmp_path / "headroom" / f"{NAME}-v0.csv.xz").write_bytes(compressed(ladder.accounts()))
+    (tmp_path / "headroom" / f"{NAME}-v0.csv.xz").write_bytes(compressed(ladder.by_policy()))
     return tmp_path
 
 
@@ -56,11 +56,11 @@ def test_the_settings_say_which_stage_an_agent_is(folders: Path, settings: dict[
     folder = folders / "runs" / NAME / "ppo"
     changed(folder / "seed0", **settings)
     assert stages.stage_of(folder) == stage
-    assert stages.learner(NAME, "ppo", stage) in ("ppo", f"ppo-{stage}")
+    assert stages.agent(NAME, "ppo", stage) in ("ppo", f"ppo-{stage}")
 
 
 def test_each_stage_is_compared_with_the_best_simple_rule(folders: Path) -> None:
-    assert stages.learner(NAME, "ppo", "scratch") == "ppo"
+    assert stages.agent(NAME, "ppo", "scratch") == "ppo"
     stages.play(NAME, jobs=1)
     files = {file.name for file in (folders / "leaderboard").iterdir()}
     assert files == {

@@ -49,7 +49,7 @@ def test_the_board_lists_the_cheapest_first_and_draws_all() -> None:
         found = {**own, "error": [None] * 3, "simple_error": [None] * 3, "microseconds": 5.0}
         declared = {"steps": 10, "cpu_seconds": None}
         environments = {"wavegym/KershawEvans-v0": {**found, **declared}}
-        return {"name": name, "code": "here", "root": 1, "worlds": 3, "environments": environments}
+        return {"name": name, "code": "here", "seed": 1, "worlds": 3, "environments": environments}
 
     records = [record("dear", 1.2), record("cheap", 0.8)]
     lines = board.scores(records).splitlines()

@@ -60,8 +60,9 @@ def test_a_comparison_is_written_and_its_table_printed(tmp_path, capsys, env_id)
         (["KershawEvans-v0", "--worlds", "many"], "invalid int value: 'many'"),
         (["KershawEvans-v0", "--worlds", "0"], "worlds is 0"),
         (["KershawEvans-v0", "--jobs", "-3"], "jobs is -3"),
+        (["KershawEvans-v0", "--root", "1"], "error: --root: expected --seed"),
         (["KershawEvans-v0", "--set", "horizont=5"], "did you mean 'horizon'"),
-        (["KershawEvans-v0", "--set", "horizon"], "expected key=value"),
+        (["KershawEvans-v0", "--set", "horizon"], "expected NAME=VALUE"),
         (["KershawEvans-v0", "--set", "q=-1"], "q is -1"),
         (["KershawEvans-v0", "--set", "weights=1e400,1"], "weights"),
         (["tests/Hopeless-v0", "--set", "price=1e400"], "not finite in 3 of 3 worlds"),
@@ -98,8 +99,8 @@ def test_recorded_tracks_are_played(tmp_path):
     tracks.write_text("\n".join(["time_s,id,x_m,y_m,z_m", *lines]))
     out = tmp_path / "out"
     assert run(out, "KershawEvans-v0", "--policies", "random", "--tracks", str(tracks), "--radar", "100", "50") == 0
-    settings = json.loads((out / "summary.json").read_text())["settings"]
-    assert settings == {"horizon": 4, "targets": "recorded", "tracks": str(tracks), "radar": [100.0, 50.0, 0.0]}
+    parameters = json.loads((out / "summary.json").read_text())["parameters"]
+    assert parameters == {"horizon": 4, "targets": "recorded", "tracks": str(tracks), "radar": [100.0, 50.0, 0.0]}
 
 
 @pytest.fixture

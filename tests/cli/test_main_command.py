@@ -69,7 +69,7 @@ def test_each_subcommand_has_a_help(name, capsys):
         (["describe", "KershawEvan-v0"], "did you mean 'wavegym/KershawEvans-v0'?"),
         (["describe", "mine/Ship-v0"], "expected PACKAGE:mine/Ship-v0, with the package that registers it"),
         (["describe", "KershawEvans-v0", "--set", "horizont=4"], "did you mean 'horizon'?"),
-        (["check", "KershawEvans-v0", "--set", "horizon"], "expected key=value"),
+        (["check", "KershawEvans-v0", "--set", "horizon"], "expected NAME=VALUE"),
         (["play", "KershawEvans-v0", "--policy", "myopik"], "did you mean 'myopic'?"),
         (["play", "KershawEvans-v0", "--policy", "myopic,random"], "expected one name (nearest: 'myopic')"),
         (["play", "KershawEvans-v0", "--seed", "-1"], "seed is -1"),
@@ -109,7 +109,7 @@ def test_describe_writes_a_scenario_that_every_subcommand_takes(tmp_path, capsys
     assert by_file == by_words
     out = tmp_path / "out"
     assert main(["evaluate", str(file), "--policies", "random", "--worlds", "2", "--out", str(out), "--jobs", "1"]) == 0
-    assert json.loads((out / "summary.json").read_text())["settings"] == {"horizon": 4}
+    assert json.loads((out / "summary.json").read_text())["parameters"] == {"horizon": 4}
     assert main(["check", str(file)]) == 0
 
 

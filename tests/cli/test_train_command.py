@@ -17,11 +17,11 @@ from wavegym.evaluation import full_id
     [
         (["KershawEvan-v0", "--algo", "ppo"], "did you mean 'wavegym/KershawEvans-v0'?"),
         (["KershawEvans-v0", "--algo", "pp"], "algorithm is 'pp', expected one of 'ppo', 'dqn'; did you mean 'ppo'?"),
-        (["KershawEvans-v0", "--algo", "ppo", "--set", "gama=0"], "did you mean 'gamma'?"),
-        (["KershawEvans-v0", "--algo", "ppo", "--set", "gamma"], "setting is 'gamma', expected key=value"),
-        (["KershawEvans-v0", "--algo", "ppo", "--set", "reward=relativ"], "did you mean 'relative'?"),
-        (["KershawEvans-v0", "--algo", "ppo", "--environment", "horizn=3"], "did you mean 'horizon'?"),
-        (["KershawEvans-v0", "--algo", "dqn", "--environment", "action=box"], "dqn cannot choose from Box"),
+        (["KershawEvans-v0", "--algo", "ppo", "--setting", "gama=0"], "did you mean 'gamma'?"),
+        (["KershawEvans-v0", "--algo", "ppo", "--setting", "gamma"], "'gamma' has no value, expected NAME=VALUE"),
+        (["KershawEvans-v0", "--algo", "ppo", "--setting", "reward=relativ"], "did you mean 'relative'?"),
+        (["KershawEvans-v0", "--algo", "ppo", "--set", "horizn=3"], "did you mean 'horizon'?"),
+        (["KershawEvans-v0", "--algo", "dqn", "--set", "action=box"], "dqn cannot choose from Box"),
         (["KershawEvans-v0", "--algo", "ppo", "--steps", "many"], "invalid int value: 'many'"),
         (["KershawEvans-v0", "--algo", "ppo", "--steps", "0"], "steps is 0"),
         (["KershawEvans-v0", "--algo", "ppo", "--seed", "-1"], "seed is -1, expected an integer in [0, 4294967295]"),
@@ -29,11 +29,14 @@ from wavegym.evaluation import full_id
         (["KershawEvans-v0", "--algo", "ppo", "--resum"], "did you mean '--resume'?"),
         (["KershawEvans-v0", "--algo", "ppo", "--resume"], "holds no run to resume"),
         (["KershawEvans-v0"], "--algo"),
-        (["KershawEvans-v0", "--algo", "ppo", "--set", "batch_size=1"], "batch_size is 1"),
-        (["Urban-v0", "--algo", "ppo", "--set", "n_steps=1", "num_envs=1"], "n_steps times num_envs is 1"),
-        (["KershawEvans-v0", "--algo", "ppo", "--environment", "num_envs=3"], "expected --set num_envs=N"),
-        (["KershawEvans-v0", "--algo", "ppo", "--environment", "autoreset_mode=NextStep"], "training needs SameStep"),
+        (["KershawEvans-v0", "--algo", "ppo", "--setting", "batch_size=1"], "batch_size is 1"),
+        (["Urban-v0", "--algo", "ppo", "--setting", "n_steps=1", "num_envs=1"], "n_steps times num_envs is 1"),
+        (["KershawEvans-v0", "--algo", "ppo", "--set", "num_envs=3"], "expected --setting num_envs="),
+        (["KershawEvans-v0", "--algo", "ppo", "--set", "autoreset_mode=NextStep"], "training needs SameStep"),
         (["KershawEvans-v0", "--algo", "ppo", "--settings", "no/such.toml"], "settings 'no/such.toml' cannot be read"),
+        (["KershawEvans-v0", "--algo", "ppo", "--environment", "horizon=3"], "--environment: expected --set"),
+        (["KershawEvans-v0", "--algo", "ppo", "--set", "gamma=0"], "--set gamma: expected --setting gamma=VALUE"),
+        (["KershawEvans-v0", "--algo", "ppo", "--setting", "q=2"], "--setting q: expected --set q=VALUE"),
         (["no/such.toml", "--algo", "ppo"], "scenario 'no/such.toml' cannot be read"),
     ],
 )
@@ -51,10 +54,10 @@ def test_settings_of_a_file_stand_for_those_of_the_command_line(
     unbroken: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file, (env, *given) = tmp_path / "best.toml", arguments("ppo", tmp_path / "run")
-    at, end = given.index("--set"), given.index("--environment")
+    at, end = given.index("--setting"), given.index("--set")
     lines = [f"{name} = {toml_value(value)}" for name, value in SMALL["ppo"].items()]
     file.write_text("\n".join([f'["{ID}".ppo]', *lines, "gamma = 0.5"]))
-    settings = ["--settings", str(file), "--set", "gamma=0.9"]  # --set has the last word
+    settings = ["--settings", str(file), "--setting", "gamma=0.9"]  # --setting has the last word
     assert train.main([env, *given[:at], *settings, *given[end:]]) == 0
     assert_same_run(tmp_path / "run", unbroken["ppo"])
     other = [env, "--algo", "dqn", "--settings", str(file), "--out", str(tmp_path / "other")]
@@ -97,10 +100,10 @@ def test_a_scenario_changes_the_environment_and_keeps_the_recipe(tmp_path: Path)
     file = tmp_path / "mine.toml"
     file.write_text(scenario_toml("wavegym/KershawEvansPosition-v0", horizon=9, truth={"q": 4.0}))
     name = "wavegym/KershawEvansPosition-v0"
-    options = command.parser().read([str(file), "--algo", "ppo", "--out", "x", "--environment", "dt=0.5"])
+    options = command.parser().read([str(file), "--algo", "ppo", "--out", "x", "--set", "dt=0.5"])
     assert command._task(options) == (name, {"horizon": 9, "truth": {"q": 4.0}, "dt": 0.5}, {})
     file.write_text(scenario_toml(name, reward="log-cost", forecasts=True))
-    options = command.parser().read([str(file), "--algo", "ppo", "--out", "x", "--set", "forecasts=False"])
+    options = command.parser().read([str(file), "--algo", "ppo", "--out", "x", "--setting", "forecasts=False"])
     assert command._task(options) == (name, {}, {"reward": "log-cost", "forecasts": False})
 
 
@@ -108,8 +111,8 @@ def test_a_scenario_changes_the_environment_and_keeps_the_recipe(tmp_path: Path)
 def test_a_run_of_a_scenario_is_the_run_of_its_parameters(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_text('id = "wavegym/KershawEvansPosition-v0"\nhorizon = 5\n')
-    rest = ["--algo", "ppo", "--steps", "64", "--set", "num_envs=8", "n_steps=8", "batch_size=16", "--quiet"]
+    rest = ["--algo", "ppo", "--steps", "64", "--setting", "num_envs=8", "n_steps=8", "batch_size=16", "--quiet"]
     assert train.main([str(file), *rest, "--out", str(tmp_path / "a")]) == 0
-    words = ["--environment", "horizon=5", "--out", str(tmp_path / "b")]
+    words = ["--set", "horizon=5", "--out", str(tmp_path / "b")]
     assert train.main(["KershawEvansPosition-v0", *rest, *words]) == 0
     assert_same_run(tmp_path / "a", tmp_path / "b")

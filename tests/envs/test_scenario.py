@@ -162,7 +162,7 @@ class _Still:
 def test_a_comparison_records_values_that_differ_and_not_the_file(write):
     file = write(scenario_toml(ID, q=50.0, truth={"q": 80.0}))
     settings = {"q": 50.0, "truth": {"q": 80.0}}
-    assert make_task(ID, {"scenario": file}).settings == settings
+    assert make_task(ID, {"scenario": file}).parameters == settings
     by_file, by_words = (compare(ID, ["random"], worlds=3, jobs=1, **given) for given in ({"scenario": file}, settings))
     np.testing.assert_array_equal(by_file.cost("random"), by_words.cost("random"))
 

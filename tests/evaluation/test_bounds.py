@@ -12,8 +12,8 @@ from wavegym.evaluation.submission import BOUNDS, lower_bound
 @pytest.mark.slow
 @pytest.mark.parametrize("env_id", ["wavegym/KershawEvans-v0", "wavegym/KershawEvansPosition-v0"])
 def test_no_scheduler_is_below_the_optimum_in_any_world(env_id: str) -> None:
-    bound = lower_bound(env_id, root=3, worlds=10, jobs=1, progress=False)
-    played = compare(env_id, dict.fromkeys(("best-simple", "lookahead:2")), worlds=10, root=3, jobs=1, progress=False)
+    bound = lower_bound(env_id, seed=3, worlds=10, jobs=1, progress=False)
+    played = compare(env_id, dict.fromkeys(("best-simple", "lookahead:2")), worlds=10, seed=3, jobs=1, progress=False)
     assert bound is not None
     for name in played.played:
         assert np.all(bound <= played.cost(name)[0] * (1.0 + 1e-3)), "certified to a thousandth"
@@ -22,7 +22,7 @@ def test_no_scheduler_is_below_the_optimum_in_any_world(env_id: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("env_id", ["wavegym/EnergyBudget-v0", "wavegym/EnergyBudgetKnown-v0"])
 def test_free_energy_is_a_bound_on_average_and_its_choice_the_best(env_id: str) -> None:
-    common = {"worlds": 40, "root": 3, "jobs": 1, "progress": False}
+    common = {"worlds": 40, "seed": 3, "jobs": 1, "progress": False}
     bound = lower_bound(env_id, **common)  # type: ignore[arg-type]
     simple = compare(env_id, {"best-simple": None}, **common).cost("best-simple")[0]  # type: ignore[arg-type]
     assert bound is not None
@@ -36,4 +36,4 @@ def test_free_energy_is_a_bound_on_average_and_its_choice_the_best(env_id: str) 
 
 
 def test_most_environments_have_no_bound() -> None:
-    assert lower_bound("wavegym/CameraSlew-v0", root=0, worlds=2, jobs=1, progress=False) is None
+    assert lower_bound("wavegym/CameraSlew-v0", seed=0, worlds=2, jobs=1, progress=False) is None

@@ -29,8 +29,8 @@ def same(one, other):
 
 
 def test_a_comparison_in_a_notebook_says_what_was_compared():
-    shown = repr(compare(POSITION, ["random"], worlds=2, root=3, jobs=1, progress=False, **SMALL))
-    assert shown == "Comparison('wavegym/KershawEvansPosition-v0', ['myopic', 'random'], worlds=2, root=3)"
+    shown = repr(compare(POSITION, ["random"], worlds=2, seed=3, jobs=1, progress=False, **SMALL))
+    assert shown == "Comparison('wavegym/KershawEvansPosition-v0', ['myopic', 'random'], worlds=2, seed=3)"
 
 
 @pytest.mark.parametrize("env_id", ["tests/Uneven-v0", POSITION])
@@ -54,7 +54,7 @@ def test_a_policy_is_played_the_same_in_any_company():
 
 
 def test_every_world_is_the_one_its_seed_draws_however_the_work_is_cut():
-    played = compare("tests/Uneven-v0", {}, worlds=module.CHUNK + 7, root=3, jobs=1).played["myopic"][0]
+    played = compare("tests/Uneven-v0", {}, worlds=module.CHUNK + 7, seed=3, jobs=1).played["myopic"][0]
     seeds = world_seeds(3, "test", module.CHUNK + 7)
     whole = play(make_task("tests/Uneven-v0", {}), Fixed(0), seeds)  # myopic's choice here is the least gain
     np.testing.assert_array_equal(played.cost, whole.cost)
@@ -77,7 +77,7 @@ def test_long_episodes_are_tuned_on_fewer_worlds():
     assert counts == [200, 200, 100, 20, 20]
 
 
-def test_settings_reach_the_system():
+def test_parameters_reach_the_system():
     comparison = compare(POSITION, {}, worlds=2, jobs=1, horizon=3, q=50.0)
     assert comparison.task.system.q == 50.0
     assert comparison.played["myopic"][0].cost.shape == (2, 3)
@@ -127,7 +127,7 @@ class Counting(Fixed):
         ({"policies": {"fixed:400": None}}, r"fixed:400 is no constant action.*nearest: 55"),
         ({"worlds": 0}, "worlds is 0, expected an integer >= 1"),
         ({"jobs": 0}, "jobs is 0, expected an integer >= 1"),
-        ({"root": -1}, "seed is -1"),
+        ({"seed": -1}, "seed is -1"),
         ({"horizn": 5}, "unexpected keyword argument 'horizn'.*did you mean 'horizon'"),
         ({"reward": "log-cost"}, "unexpected keyword argument 'reward'"),
     ],

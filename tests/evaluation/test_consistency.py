@@ -10,7 +10,7 @@ from wavegym.core.worlds import world_seeds
 from wavegym.evaluation import summarise
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.consistency import consistency, nees_bounds, nees_flag, steps_outside
-from wavegym.evaluation.play import account_of, merged, play
+from wavegym.evaluation.play import merged, play, results_of
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.table import markdown
 from wavegym.evaluation.task import Task
@@ -41,7 +41,7 @@ def moments(believed, noise):
 @pytest.mark.parametrize(("believed", "flag"), [(1.0, ""), (0.5, "high"), (2.0, "low")])
 def test_a_wrong_measurement_noise_is_flagged_and_the_right_one_is_not(believed, flag):
     played = play(task(believed), Fixed(1), SEEDS)
-    found = consistency(account_of([played]), 1, rng())
+    found = consistency(results_of([played]), 1, rng())
     true, variance = moments(believed, 2.0)
     low, high = found.nees.ci
     assert low < (true / variance).mean() < high
@@ -53,7 +53,7 @@ def test_a_wrong_measurement_noise_is_flagged_and_the_right_one_is_not(believed,
 
 
 def test_one_step_in_twenty_of_a_consistent_tracker_is_outside_its_bounds():
-    shares = [steps_outside([play(task(1.0), Fixed(1), world_seeds(root, "test", 100))], 1) for root in range(40)]
+    shares = [steps_outside([play(task(1.0), Fixed(1), world_seeds(seed, "test", 100))], 1) for seed in range(40)]
     # The spread of the shares between comparisons holds the correlation of steps; five standard errors.
     assert abs(np.mean(shares) - 0.05) < 5 * np.std(shares, ddof=1) / np.sqrt(len(shares))
     assert np.mean(shares) < 0.08
@@ -88,10 +88,10 @@ def test_steps_without_a_target_do_not_count():
     nobody = played._replace(nees_sum=0.0 * played.nees_sum, nees_count=0 * played.nees_count)
     assert steps_outside([nobody], 1) is None
     assert steps_outside([played], None) is None
-    found = consistency(account_of([nobody]), 1, rng())
+    found = consistency(results_of([nobody]), 1, rng())
     assert (found.nees, found.flag) == (Estimate(None, None), "")
     once = merged([played, nobody])
-    assert consistency(account_of([once]), 1, rng()).nees.value == pytest.approx(played.nees.mean())
+    assert consistency(results_of([once]), 1, rng()).nees.value == pytest.approx(played.nees.mean())
 
 
 def test_a_report_shows_the_flag_and_what_is_expected():

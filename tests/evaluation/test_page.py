@@ -79,8 +79,8 @@ def test_a_box_has_no_choices_to_show() -> None:
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
 @pytest.mark.parametrize("env_id", ["wavegym/SectorSetup-v0", "wavegym/AgileClutter-v0", "wavegym/RfEoFar-v0"])
 def test_a_browser_draws_it(env_id: str, tmp_path: Path) -> None:
-    settings: dict[str, Any] = {"horizon": 6} if "RfEo" in env_id else {}
-    played = compare(env_id, {"myopic": None, "random": None}, worlds=5, jobs=1, progress=False, **settings)
+    parameters: dict[str, Any] = {"horizon": 6} if "RfEo" in env_id else {}
+    played = compare(env_id, {"myopic": None, "random": None}, worlds=5, jobs=1, progress=False, **parameters)
     write_report(played, tmp_path)
     text = drawn(tmp_path / "report.html", tmp_path / "profile")
     assert 'data-drawn="yes"' in text  # the last line of the script was reached
@@ -122,7 +122,7 @@ def test_the_tables_are_those_of_the_markdown_and_scroll(comparison: Comparison)
 def test_a_title_that_holds_the_mark_of_the_data_stays_a_title(comparison: Comparison) -> None:
     """A recording may have any file name."""
     name = "__DATA__<img src=x onerror=alert(1)>__TITLE__.csv"
-    text = page(comparison, {**summarise(comparison), "settings": {"tracks": name}}).decode()
+    text = page(comparison, {**summarise(comparison), "parameters": {"tracks": name}}).decode()
     assert carried(text)["title"].endswith(f"tracks={name}")
     assert "<img" not in text
     assert text.count(html.escape(name)) == 2, "in the title and in the heading, its marks as they are"

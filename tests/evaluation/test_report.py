@@ -22,7 +22,7 @@ FILES = ["comparison.png", "episodes.csv", "report.html", "summary.json", "table
 @pytest.fixture(scope="module")
 def comparison():
     policies = {"random": None, "learner": [Fixed(0), Fixed(10), Fixed(20)]}
-    return compare("KershawEvansPosition-v0", policies, worlds=25, root=4, jobs=1, horizon=5)
+    return compare("KershawEvansPosition-v0", policies, worlds=25, seed=4, jobs=1, horizon=5)
 
 
 @pytest.fixture(scope="module")
@@ -45,10 +45,10 @@ def column(rows, policy, key):
 def test_the_summary_has_the_agreed_form(folder):
     summary = json.loads((folder / "summary.json").read_text())
     assert list(summary) == [
-        *("env", "settings", "worlds", "seed", "versions", "in_gospa", "nees_dimension", "policies", "reversals")
+        *("env", "parameters", "worlds", "seed", "versions", "in_gospa", "nees_dimension", "policies", "reversals")
     ]
     assert (summary["env"], summary["worlds"], summary["seed"]) == ("wavegym/KershawEvansPosition-v0", 25, 4)
-    assert summary["settings"] == {"horizon": 5}
+    assert summary["parameters"] == {"horizon": 5}
     assert {"python", "wavegym", "numpy", "scipy", "gymnasium", "numba"} <= set(summary["versions"])
     assert list(summary["policies"]) == ["myopic", "random", "learner"]
     for policy in summary["policies"].values():

@@ -28,7 +28,7 @@ cpu_seconds = 900.0
 [policies.AgileClutter-v0]
 file = "agile"
 steps = 1000
-settings = { action = "joint" }
+parameters = { action = "joint" }
 """
 
 
@@ -44,22 +44,22 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_a_submission_is_played_as_compare_plays_it(folder: Path, tmp_path: Path) -> None:
-    played = list(play_submission(read_submission(folder), tmp_path, root=7, worlds=6, jobs=1, progress=False))
+    played = list(play_submission(read_submission(folder), tmp_path, seed=7, worlds=6, jobs=1, progress=False))
     assert played == [ID, "wavegym/AgileClutter-v0"]
     record = read_record(tmp_path / "mine.json")
-    assert (record["root"], record["worlds"], record["code"]) == (7, 6, "somewhere, version 1")
-    common: dict[str, Any] = {"worlds": 6, "root": 7, "jobs": 1, "progress": False}
-    for env_id, own, settings in (
+    assert (record["seed"], record["worlds"], record["code"]) == (7, 6, "somewhere, version 1")
+    common: dict[str, Any] = {"worlds": 6, "seed": 7, "jobs": 1, "progress": False}
+    for env_id, own, parameters in (
         (ID, folder / "position.onnx", {}),
         ("wavegym/AgileClutter-v0", folder / "agile", {"action": "joint"}),
     ):
-        mine = compare(env_id, {"mine": own}, **common, **settings)
+        mine = compare(env_id, {"mine": own}, **common, **parameters)
         simple = compare(env_id, {"best-simple": None}, **common)
         found = record["environments"][env_id]
         np.testing.assert_allclose(found["cost"], mine.cost("mine")[0], rtol=1e-5)
         np.testing.assert_allclose(found["simple_cost"], simple.cost("best-simple")[0], rtol=1e-5)
-        np.testing.assert_allclose(found["error"], mine.account("mine").squared_error[0], rtol=1e-5)
-        np.testing.assert_allclose(found["simple_error"], simple.account("best-simple").squared_error[0], rtol=1e-5)
+        np.testing.assert_allclose(found["error"], mine.results("mine").squared_error[0], rtol=1e-5)
+        np.testing.assert_allclose(found["simple_error"], simple.results("best-simple").squared_error[0], rtol=1e-5)
     optimum = compare(ID, {"optimum": None}, **common).cost("optimum")[0]
     np.testing.assert_allclose(record["environments"][ID]["bound"], optimum, rtol=1e-5)
     assert "bound" not in record["environments"]["wavegym/AgileClutter-v0"]
@@ -82,10 +82,10 @@ def test_what_was_played_is_kept_until_policy_or_worlds_change(
 
     monkeypatch.setattr(submission, "_play", counted)
 
-    def play(root: int = 7) -> int:
+    def play(seed: int = 7) -> int:
         before = len(played)
-        for _ in play_submission(read_submission(folder), tmp_path, root=root, worlds=2):
-            assert read_record(tmp_path / "mine.json")["root"] == root
+        for _ in play_submission(read_submission(folder), tmp_path, seed=seed, worlds=2):
+            assert read_record(tmp_path / "mine.json")["seed"] == seed
         return len(played) - before
 
     assert [play(), play()] == [2, 0]
@@ -107,7 +107,7 @@ def test_what_was_played_is_kept_until_policy_or_worlds_change(
         ('"mine"', '"my policy"', "name is 'my policy', expected letters, digits"),
         ("KershawEvansPosition-v0", "KershawEvanPosition-v0", "did you mean .wavegym/KershawEvansPosition-v0"),
         ("KershawEvansPosition-v0", "UrbanSignal-v0", "environment is 'wavegym/UrbanSignal-v0', expected one of"),
-        ('action = "joint"', "clutter_density = 0.0", "setting of AgileClutter-v0 is 'clutter_density', expected"),
+        ('action = "joint"', "clutter_density = 0.0", "parameter of AgileClutter-v0 is 'clutter_density', expected"),
         ("position.onnx", "none.onnx", "file of KershawEvansPosition-v0 is 'none.onnx', expected an .onnx file or a"),
         ("position.onnx", "model.zip", "is 'model.zip', expected an .onnx file or a run's folder"),
         ("steps = 1000", "steps = -1", "greater than or equal to 0"),

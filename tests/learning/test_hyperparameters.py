@@ -47,9 +47,9 @@ def test_trials_are_kept_and_the_best_is_a_settings_table(tmp_path: Path, untune
 def test_test_worlds_are_never_met(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, untuned: None) -> None:
     asked = []
 
-    def spy(root: int, split: str, count: int) -> list[int]:
+    def spy(seed: int, split: str, count: int) -> list[int]:
         asked.append(split)
-        return [root * 1000 + i for i in range(3)]
+        return [seed * 1000 + i for i in range(3)]
 
     monkeypatch.setattr(tuning, "world_seeds", spy)
     search(tmp_path, 1)
@@ -60,7 +60,7 @@ def test_mistakes_are_one_line_and_leave_nothing(tmp_path: Path, capsys: pytest.
     with pytest.raises(InputError, match="tune is 0, expected"):
         search(tmp_path / "none", 0)
     out = tmp_path / "run"
-    assert train.main([ID, "--algo", "ppo", "--tune", "1", "--set", "gama=1", "--out", str(out)]) == 2
+    assert train.main([ID, "--algo", "ppo", "--tune", "1", "--setting", "gama=1", "--out", str(out)]) == 2
     assert "did you mean 'gamma'" in capsys.readouterr().err
     assert not out.exists()
 
@@ -76,9 +76,9 @@ def test_the_command_prints_the_best(tmp_path: Path, capsys: pytest.CaptureFixtu
         "1",
         "--out",
         str(tmp_path),
-        "--set",
+        "--setting",
         *fixed,
-        "--environment",
+        "--set",
         "horizon=7",
     ]
     assert train.main(command) == 0

@@ -157,8 +157,8 @@ def test_a_missing_setting_and_a_missing_file_are_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "hint"),
     [
-        ("num_envs", "--set num_envs=N"),
-        ("reward", "--set reward=NAME"),
+        ("num_envs", "--setting num_envs=N"),
+        ("reward", "--setting reward=NAME"),
         ("autoreset_mode", "none: training needs SameStep"),
         ("measurements", "none: agents read"),
         ("observation", "none: agents observe the belief"),
@@ -168,6 +168,6 @@ def test_a_missing_setting_and_a_missing_file_are_named(tmp_path: Path) -> None:
 )
 def test_what_is_no_parameter_of_the_system_is_sent_where_it_belongs(name: str, hint: str) -> None:
     with pytest.raises(InputError, match=f"'{name}' is no parameter of an environment's system, expected {hint}"):
-        load_settings(POSITION, "ppo", environment={name: 3})
+        load_settings(POSITION, "ppo", parameters={name: 3})
     with pytest.raises(InputError, match=f"'{name}' is no parameter of an environment's system"):
         load_settings(POSITION, "ppo", {"variants": [{"q": 1.0}, {name: 3}]})

@@ -43,7 +43,7 @@ def test_a_page_begins_with_picture_and_best_scores(monkeypatch):
     picture, best, table = text.split("\n\n", 5)[2:5]
     assert picture == "![an episode, step after step](../images/SectorSetup.webp)"
     known = recorded(make_task("wavegym/SectorSetup-v0", {}).system)
-    against = f"Policies against the best simple heuristic, `{known['best-simple']}`"
+    against = f"Policies against the best heuristic, `{known['best-simple']}`"
     assert best.startswith(f"Best known: `{known['best-planner']}`. {against}")
     costs = [float(row.split("|")[2]) for row in table.splitlines()[2:]]
     assert len(costs) == 6
@@ -52,7 +52,7 @@ def test_a_page_begins_with_picture_and_best_scores(monkeypatch):
 
 
 def test_a_page_ends_with_its_own_speed():
-    """Of random actions, the best simple rule and the agent, in the order of results/speed.csv."""
+    """Of random actions, the best heuristic and the agent, in the order of results/speed.csv."""
     last = page("wavegym/SectorSetup-v0").rpartition("## Speed")[2].splitlines()
     rows = [[cell.strip() for cell in line.split("|")[1:4]] for line in last if line.startswith("| Sector")]
     own = [speed for speed in read() if speed.environment == "SectorSetup" and speed.batch == 1]

@@ -157,7 +157,7 @@ def test_the_command_tunes_compares_and_writes(tmp_path, delay_task, small_grids
     cost = np.exp(np.log(rollout(SYSTEM, HEURISTICS[best].make(**record[best]), worlds).mean_cost).mean())
     assert record["costs"][best] == pytest.approx(cost, rel=1e-3)
     printed = capsys.readouterr().out
-    assert re.search(f"{key}: best simple is {best}; {best} ", printed)
+    assert re.search(f"{key}: best-simple is {best}; {best} ", printed)
     assert (
         "CMA-ES has 15 evaluations on at most 4 worlds for each of clear-slot-price, searched-dwell, weighted-myopic,"
         in printed
@@ -199,7 +199,7 @@ def test_the_command_sweeps_planners_and_records_the_best(tmp_path, delay_task, 
     assert best["worlds"] == "5"
     assert record.get("best-planner", "") == best["planner"]
     assert record.get("planner-base", record["best-simple"]) == best["base"]
-    assert re.search("best within 100 ms: .* % of the best simple rule's cost", capsys.readouterr().out)
+    assert re.search("best within 100 ms: .* % of the best heuristic's cost", capsys.readouterr().out)
 
 
 @pytest.mark.parametrize(

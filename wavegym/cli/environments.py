@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from wavegym.core.command_line import Parser, settings
+from wavegym.core.command_line import Parser, named_values
 from wavegym.core.errors import InputError
 from wavegym.registration import full_id, list_envs
 
@@ -28,12 +28,12 @@ run (or of several runs, one for each seed); an ONNX file (FILE.onnx); with --tr
 
 
 def read_environment(env: str, pairs: Sequence[str]) -> tuple[str, dict[str, Any]]:
-    """The full id, and the parameters from the scenario file ``env``, if it is one, and from ``KEY=VALUE`` pairs.
+    """The full id, and the parameters from the scenario file ``env``, if it is one, and from ``NAME=VALUE`` pairs.
 
     Raises:
         InputError: no such environment (nearest named), a pair that is none, or a file without an id.
     """
-    given = settings(pairs)
+    given = named_values(pairs)
     if not env.endswith(".toml"):
         return full_id(env), given
     from wavegym.envs.scenario import read_scenario
@@ -49,8 +49,8 @@ def environment_parser(name: str, description: str, takes_environment: bool = Tr
     options = Parser(prog=f"wavegym {name}", description=description)
     if takes_environment:
         options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
-        help = "parameters of the environment other than its defaults"
-        options.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help=help)
+        text = "parameters of the environment that replace its defaults"
+        options.add_argument("--set", nargs="+", action="extend", default=[], metavar="NAME=VALUE", help=text)
     return options
 
 
@@ -104,14 +104,14 @@ def policies(arguments: Sequence[str]) -> None:
 def listed(task: Task) -> Iterator[tuple[str, str, str]]:
     """Every name with its meaning, and why it does not apply; "" where it does. Nothing is tuned."""
     from wavegym.core import shortcuts
-    from wavegym.evaluation.saved import LEARNERS
+    from wavegym.evaluation.saved import AGENTS
     from wavegym.schedulers.registry import MEANINGS, SCHEDULERS
 
     for name, meaning in MEANINGS.items():
         yield name, meaning, why_not(name, task.system)
     for name, (scheduler, changed) in shortcuts.baselines(task.system).items():
         yield name, f"{scheduler} with {', '.join(f'{key}={value!r}' for key, value in changed.items())}", ""
-    for name in LEARNERS:
+    for name in AGENTS:
         yield name, "the trained agent that comes with the environment", _no_agent(name, task)
     for name in SCHEDULERS.names():
         if name not in SCHEDULERS.own:
@@ -168,8 +168,8 @@ def _try(name: str, system: System, tape: Any) -> None:
     elif name in HEURISTICS:
         check(name, system, tape)
     elif name != SIMPLE:
-        rule = HEURISTICS["searched-dwell"]
-        base = rule.make(**rule.start) if family == "dwell-rollout" else Myopic()
+        heuristic = HEURISTICS["searched-dwell"]
+        base = heuristic.make(**heuristic.start) if family == "dwell-rollout" else Myopic()
         policy = make_policy(f"{family}:{EXAMPLES[letter]}" if letter in EXAMPLES else name, system, tape, base)
         policy.begin(system, 1, np.random.default_rng(0))
         if family not in (*PLANNERS, *PLANS) and not isinstance(policy, Clairvoyant):

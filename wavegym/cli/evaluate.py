@@ -23,7 +23,7 @@ COMPARISON = {
     "env_id": "it as the first argument",
     "policies": "--policies NAMES",
     "worlds": "--worlds N",
-    "root": "--seed S",
+    "seed": "--seed S",
     "jobs": "--jobs J",
     "trust": "--trust",
     "progress": "none: the bar shows on a terminal only",
@@ -39,7 +39,7 @@ def parser() -> Parser:
         "--worlds", type=int, default=200, metavar="N", help="number of test worlds (default: %(default)s)"
     )
     options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
-    options.add_argument("--seed", type=int, default=0, metavar="S", help="another seed, other worlds (default: 0)")
+    options.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the test worlds (default: 0)")
     add_worker_options(options)
     options.add_argument("--tracks", type=Path, metavar="FILE.csv", help="recorded targets")
     options.add_argument(
@@ -126,7 +126,7 @@ def evaluate(arguments: Sequence[str] | None) -> None:
     env_id, parameters = task(options)
     options.out.mkdir(parents=True, exist_ok=True)
     chosen = policies(options.policies)
-    common: dict[str, Any] = {"worlds": options.worlds, "root": options.seed, "trust": options.trust}
+    common: dict[str, Any] = {"worlds": options.worlds, "seed": options.seed, "trust": options.trust}
     files = ["report.html", "summary.json", "episodes.csv", "table.md", "comparison.png"]
     if options.trajectories is not None:
         from wavegym.evaluation.trajectories import write_trajectories

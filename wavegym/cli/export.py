@@ -1,4 +1,4 @@
-"""The subcommands ``export``, a trained policy as an ONNX file, and ``submit``, a submission to the board."""
+"""The subcommands ``export``, an agent as an ONNX file, and ``submit``, a submission to the board."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from wavegym.registration import NAMESPACE
 
 def export_parser() -> Parser:
     """The options of ``export``."""
-    options = Parser(prog="wavegym export", description="Write a trained policy as an ONNX file.")
+    options = Parser(prog="wavegym export", description="Write an agent as an ONNX file.")
     known = "folder of a finished run, or ENV/ALGO of an agent that comes with the package: RfEo-v0/ppo"
     options.add_argument("policy", metavar="POLICY", help=known)
     options.add_argument("--onnx", type=Path, required=True, metavar="FILE", help="the file to write")
@@ -44,13 +44,13 @@ def _folder(policy: str) -> Path:
 
 def submit_parser() -> Parser:
     """The options of ``submit``."""
-    options = Parser(prog="wavegym submit", description="Play a submission to the board against the best simple rules.")
+    options = Parser(prog="wavegym submit", description="Play a submission to the board against best-simple.")
     options.add_argument("folder", type=Path, metavar="FOLDER", help="folder with submission.toml and policies")
     options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the record, NAME.json")
     options.add_argument(
         "--worlds", type=int, default=100, metavar="N", help="worlds of each environment (default: 100)"
     )
-    seed = "root of the worlds (default: 0; the board's own is drawn at its release)"
+    seed = "seed of the test worlds (default: 0; the board draws its own at each release)"
     options.add_argument("--seed", type=int, default=0, metavar="S", help=seed)
     add_worker_options(options)
     return options
@@ -64,7 +64,7 @@ def submit(arguments: Sequence[str]) -> None:
     submission = read_submission(options.folder)
     with workers(options):
         for env_id in play_submission(
-            submission, options.out, root=options.seed, worlds=options.worlds, jobs=options.jobs
+            submission, options.out, seed=options.seed, worlds=options.worlds, jobs=options.jobs
         ):
             print(f"played {env_id}", flush=True)
     file = options.out / f"{submission.name}.json"

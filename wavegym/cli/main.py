@@ -38,7 +38,7 @@ COMMANDS = {
     "submit": Command("play a submission to the board", "export", "submit"),
     "tracks": Command("show what is in a recording of targets", "tracks", "tracks"),
     "dataset": Command("write episodes of a policy as a Minari dataset (extra: minari)", "play", "dataset"),
-    "export": Command("write a trained policy as an ONNX file (extra: onnx)", "export", "export"),
+    "export": Command("write an agent as an ONNX file (extra: onnx)", "export", "export"),
 }
 
 

@@ -22,7 +22,7 @@ def play_parser() -> Parser:
     options.add_argument(
         "--policy", default="myopic", metavar="NAME", help="one that wavegym policies ENV lists (default: %(default)s)"
     )
-    options.add_argument("--seed", type=int, default=0, metavar="S", help="of the world (default: %(default)s)")
+    options.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the world (default: %(default)s)")
     options.add_argument("--gif", type=Path, metavar="FILE", help="write a picture of every step")
     return options
 

@@ -1,4 +1,4 @@
-"""The subcommand ``train``: train a waveform scheduler.
+"""The subcommand ``train``: train an agent.
 
     wavegym train KershawEvansPosition-v0 --algo ppo --seed 0 --out runs/ppo/seed0
 
@@ -9,14 +9,16 @@ of TensorBoard.
 
 from __future__ import annotations
 
+import dataclasses
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from wavegym.cli.environments import ENVIRONMENT, read_environment
-from wavegym.core.command_line import Parser, guarded, settings
+from wavegym.cli.environments import environment_parser, read_environment
+from wavegym.core.command_line import Parser, guarded, named_values
 from wavegym.core.errors import InputError, check_choice, nearest
+from wavegym.core.parameters import parameter_infos
 from wavegym.core.registry import import_package
 from wavegym.core.toml import read_toml
 from wavegym.core.workers import add_worker_options, workers
@@ -24,26 +26,23 @@ from wavegym.core.workers import add_worker_options, workers
 
 def parser() -> Parser:
     """The options."""
-    options = Parser(prog="wavegym train", description="Train a waveform scheduler.")
-    options.add_argument("env", metavar="ENV", help=ENVIRONMENT)
+    options = environment_parser("train", "Train an agent.")
     options.add_argument("--algo", required=True, metavar="ALGO", help="ppo or dqn")
     steps = (
         "environment steps, rounded up to whole rollouts of all environments (default: wavegym/learning/settings.toml)"
     )
     options.add_argument("--steps", type=int, metavar="N", help=steps)
-    options.add_argument("--seed", type=int, default=0, metavar="S", help="training seed (default: %(default)s)")
+    seed = "training seed: of the network's first weights and of the training worlds (default: %(default)s)"
+    options.add_argument("--seed", type=int, default=0, metavar="S", help=seed)
     options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
-    several: Any = {"nargs": "+", "action": "extend", "default": [], "metavar": "KEY=VALUE"}
-    options.add_argument(
-        "--set", **several, help="training settings that replace those of wavegym/learning/settings.toml"
-    )
+    setting = "training settings that replace those of wavegym/learning/settings.toml"
+    options.add_argument("--setting", nargs="+", action="extend", default=[], metavar="NAME=VALUE", help=setting)
     options.add_argument(
         "--settings",
         type=Path,
         metavar="FILE.toml",
-        help="training settings of a file, such as best.toml of --tune, that replace the same; --set comes after them",
+        help="a file of training settings, such as best.toml of --tune; --setting comes after it",
     )
-    options.add_argument("--environment", **several, help="parameters of the environment that replace its defaults")
     options.add_argument(
         "--checkpoint-every",
         type=int,
@@ -77,20 +76,18 @@ def train(arguments: Sequence[str] | None) -> None:
         from wavegym.learning.train import train as run
     except ImportError as error:
         raise InputError(f"training needs the extra: {error}; pip install 'wavegym[agents]'") from None
-    env_id, environment, changes = _task(options)
+    env_id, parameters, chosen = _task(options)
     if options.steps is not None:
-        changes["steps"] = options.steps
+        chosen["steps"] = options.steps
     if options.tune is not None:
         from wavegym.learning.hyperparameters import tune
 
         with workers(options):
-            best = tune(
-                env_id, options.algo, options.tune, options.seed, changes, environment, options.out, options.jobs
-            )
+            best = tune(env_id, options.algo, options.tune, options.seed, chosen, parameters, options.out, options.jobs)
         print(f"{best}written to {options.out}: best.toml, trials.csv, trials.log")
         return
-    chosen = load_settings(env_id, options.algo, changes, environment)
-    spec = RunSpec(env_id, options.algo, options.seed, chosen)
+    settings = load_settings(env_id, options.algo, chosen, parameters)
+    spec = RunSpec(env_id, options.algo, options.seed, settings)
     run(spec, options.out, options.checkpoint_every, options.resume, progress=not options.quiet)
     print(f"written to {options.out}: policy.npz, model.zip, run.json, curve.csv")
     if needed := environment_of(read_run(options.out / RUN)):
@@ -99,20 +96,38 @@ def train(arguments: Sequence[str] | None) -> None:
 
 
 def _task(options: Any) -> tuple[str, dict[str, Any], dict[str, Any]]:
-    """The full id, the parameters of the environment, and the training settings that the options change.
+    """The full id, the parameters of the environment, and the training settings that the options give.
 
     Of a scenario file, the reward and the forecasts are training settings. The run records values, not the file.
     """
     from wavegym.envs.scenario import read_scenario, scenario_differences
 
-    env_id, environment = read_environment(options.env, options.environment)
-    changes = {**_settings_of(options.settings, env_id, options.algo), **settings(options.set)}
-    file = environment.pop("scenario", None)
+    env_id, parameters = read_environment(options.env, options.set)
+    chosen = named_values(options.setting)
+    _check_places(env_id, options.algo, parameters, chosen)
+    settings = {**_settings_of(options.settings, env_id, options.algo), **chosen}
+    file = parameters.pop("scenario", None)
     if file:
         stated = read_scenario(file).parameters
-        environment = {**scenario_differences(env_id, file), **environment}
-        changes = {**{name: stated[name] for name in ("reward", "forecasts") if name in stated}, **changes}
-    return env_id, environment, changes
+        parameters = {**scenario_differences(env_id, file), **parameters}
+        settings = {**{name: stated[name] for name in ("reward", "forecasts") if name in stated}, **settings}
+    return env_id, parameters, settings
+
+
+def _check_places(env_id: str, algo: str, parameters: Iterable[str], settings: Iterable[str]) -> None:
+    """Raise an InputError for a training setting after --set, or a parameter of the environment after --setting."""
+    from wavegym.evaluation import make_task
+    from wavegym.learning.settings import ALGORITHMS
+
+    trained = {field.name for field in dataclasses.fields(ALGORITHMS[algo])}
+    doubtful = {name: "set" for name in parameters if name in trained}
+    doubtful |= {name: "setting" for name in settings if name not in trained}
+    if doubtful:  # otherwise the system need not be made
+        own = {info.name for info in parameter_infos(type(make_task(env_id, {}).system))}
+        for name, option in doubtful.items():
+            if (name in own) == (option == "setting"):
+                other = "setting" if option == "set" else "set"
+                raise InputError(f"--{option} {name}: expected --{other} {name}=VALUE")
 
 
 def _settings_of(file: Path | None, env_id: str, algo: str) -> dict[str, Any]:

@@ -24,6 +24,7 @@ FAILED = 2
 UNEXPECTED = 1
 INTERRUPTED, TERMINATED = 130, 143  # as in shells
 DEBUG = "WAVEGYM_DEBUG"
+FORMER = {"--environment": "--set", "--root": "--seed"}  # earlier names of options, and today's
 
 
 class TerminatedError(BaseException):
@@ -41,26 +42,31 @@ class Parser(argparse.ArgumentParser):
         raise InputError(message)
 
     def read(self, arguments: Sequence[str] | None) -> argparse.Namespace:
-        """``parse_args``, whose error for an unknown option names the nearest known one."""
-        parsed, unknown = self.parse_known_args(arguments)
+        """``parse_args``, whose error for an unknown option names today's option or the nearest known one."""
+        given = list(sys.argv[1:] if arguments is None else arguments)
+        options = self._option_string_actions
+        for option in (argument.partition("=")[0] for argument in given):
+            if option in FORMER and option not in options and FORMER[option] in options:
+                self.error(f"{option}: expected {FORMER[option]}")
+        parsed, unknown = self.parse_known_args(given)
         if unknown:
-            hint = nearest(unknown[0], self._option_string_actions) if unknown[0].startswith("-") else ""
+            hint = nearest(unknown[0], options) if unknown[0].startswith("-") else ""
             self.error(f"unexpected argument {unknown[0]!r}{hint}")
         return parsed
 
 
-def settings(pairs: Sequence[str]) -> dict[str, Any]:
+def named_values(pairs: Sequence[str]) -> dict[str, Any]:
     """``["horizon=20", "weights=1,0", "model=ca"]`` as a dictionary; values are Python literals, or else strings.
 
     Raises:
-        InputError: a pair is not ``key=value``.
+        InputError: a pair is not ``NAME=VALUE``.
     """
     found = {}
     for pair in pairs:
-        key, equals, value = pair.partition("=")
-        if not equals or not key.isidentifier():
-            raise InputError(f"setting is {pair!r}, expected key=value, such as horizon=20")
-        found[key] = _literal(value)
+        name, equals, value = pair.partition("=")
+        if not equals or not name.isidentifier():
+            raise InputError(f"{pair!r} has no value, expected NAME=VALUE, such as horizon=20")
+        found[name] = _literal(value)
     return found
 
 

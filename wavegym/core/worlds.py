@@ -27,11 +27,11 @@ def word(text: str) -> int:
     return zlib.crc32(text.encode())
 
 
-def world_seeds(root: int, split: str, count: int) -> list[int]:
+def world_seeds(seed: int, split: str, count: int) -> list[int]:
     """Seeds of the first ``count`` worlds of a split; world i does not depend on ``count``.
 
     Args:
-        root: of all seeds of a comparison, >= 0.
+        seed: of a comparison, >= 0; all its worlds follow from it.
         split: "train", "tune" or "test".
         count: how many.
 
@@ -39,20 +39,20 @@ def world_seeds(root: int, split: str, count: int) -> list[int]:
         Integers of 128 bits for ``env.reset(seed=[...])``.
 
     Raises:
-        InputError: an unknown split, a negative root or count.
+        InputError: an unknown split, a negative seed or count.
     """
     key = word(check_choice("split", split, SPLITS))
-    check_int("seed", root, 0)
-    return [_seed(np.random.SeedSequence([root, key, i])) for i in range(check_int("worlds", count, 0))]
+    check_int("seed", seed, 0)
+    return [_seed(np.random.SeedSequence([seed, key, i])) for i in range(check_int("worlds", count, 0))]
 
 
-def training_seeds(root: int, seed: int, num_envs: int) -> list[int]:
-    """One seed for each environment of the training run number ``seed``, spawned from [root, "train", seed].
+def training_seeds(base_seed: int, seed: int, num_envs: int) -> list[int]:
+    """One seed for each environment of the training run number ``seed``, spawned from [base_seed, "train", seed].
 
     Raises:
         InputError: a negative argument.
     """
-    parent = np.random.SeedSequence([check_int("root", root, 0), word("train"), check_int("seed", seed, 0)])
+    parent = np.random.SeedSequence([check_int("base_seed", base_seed, 0), word("train"), check_int("seed", seed, 0)])
     return [_seed(child) for child in parent.spawn(check_int("num_envs", num_envs, 0))]
 
 
@@ -66,9 +66,9 @@ def tuning_worlds(system: System) -> int:
     return min(max(TUNING_STEPS // system.horizon, LEAST_WORLDS), MOST_WORLDS)
 
 
-def tuning_tapes(system: System, root: int) -> Any:
-    """The tapes that policies are tuned on in a comparison with the seed ``root``, axis 0 = world."""
-    return draw_worlds(system, world_seeds(root, "tune", tuning_worlds(system)))
+def tuning_tapes(system: System, seed: int) -> Any:
+    """The tapes that policies are tuned on in a comparison with this seed, axis 0 = world."""
+    return draw_worlds(system, world_seeds(seed, "tune", tuning_worlds(system)))
 
 
 def _seed(sequence: np.random.SeedSequence) -> int:

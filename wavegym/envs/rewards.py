@@ -76,7 +76,7 @@ class Outlook(Cost):
     """Minus the cost over c0, and minus what the dwell adds to the cost that is to come if the beam rests.
 
     The sum over an episode is that of "cost-in-targets" but for the ends: the outlook is a potential (Ng, Harada and
-    Russell, 1999). A dwell is rewarded at once for what it takes off the seconds after it, so that a learner need not
+    Russell, 1999). A dwell is rewarded at once for what it takes off the seconds after it, so that an agent need not
     find its effect among those of the next hundred dwells.
     """
 

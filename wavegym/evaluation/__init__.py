@@ -1,14 +1,14 @@
 """Evaluation: policies compared on the same worlds, with intervals.
 
     >>> from wavegym.evaluation import compare, summarise
-    >>> settings = {"horizon": 5}
-    >>> comparison = compare("KershawEvansPosition-v0", {"random": None, "lookahead:2": None}, worlds=20, **settings)
+    >>> parameters = {"horizon": 5}
+    >>> comparison = compare("KershawEvansPosition-v0", {"random": None, "lookahead:2": None}, worlds=20, **parameters)
     >>> list(summarise(comparison)["policies"])
     ['myopic', 'random', 'lookahead:2']
 
 ``write_report(comparison, folder)`` writes the summary, the episodes, a table and a picture. A policy of your own is
 compared as ``{"mine": policy}``: a Policy, a function of the observation, or a model with ``predict`` (see
-``as_policy``). A list of policies stands for the training runs of one learner.
+``as_policy``). A list of policies stands for the training runs of one agent.
 """
 
 from __future__ import annotations

@@ -43,14 +43,14 @@ class Factory:
     """Marks a function that makes a policy for a system; without the mark a function is a policy.
 
     Args:
-        make: ``make(system)`` returns what ``as_policy`` takes, or a sequence of it: the training runs of one learner.
+        make: ``make(system)`` returns what ``as_policy`` takes, or a sequence of it: the training runs of one agent.
     """
 
     make: Callable[[System], Any]
 
 
 def as_policy(
-    given: Any, env: Task | str | None = None, *, name: str = "", trust: bool = False, **settings: Any
+    given: Any, env: Task | str | None = None, *, name: str = "", trust: bool = False, **parameters: Any
 ) -> Policy:
     """A Policy of whatever chooses actions.
 
@@ -63,15 +63,15 @@ def as_policy(
         env: id or Task of the environment to be played; needed for a Factory, a name, a folder and a file.
         name: of the policy, in error messages.
         trust: whether code in files and modules may run.
-        **settings: parameters of the environment other than the registered ones.
+        **parameters: of the environment, other than the registered ones.
 
     Raises:
         InputError: nothing of that kind, a folder of several runs, or code without ``trust``.
     """
     named = name or (str(given) if isinstance(given, (str, Path)) else type(given).__name__)
-    task = make_task(env, settings) if isinstance(env, str) else env
+    task = make_task(env, parameters) if isinstance(env, str) else env
     policies = as_policies(given, task, named, trust=trust)
-    if isinstance(given, str) and given in saved.LEARNERS:
+    if isinstance(given, str) and given in saved.AGENTS:
         policies = policies[:1]
     if len(policies) != 1:
         raise InputError(f"policy {named!r} has {len(policies)} training runs, expected one (nearest: compare, or the "
@@ -80,7 +80,7 @@ def as_policy(
 
 
 def as_policies(given: Any, task: Task | None, name: str, *, trust: bool = False, tapes: Any = None) -> list[Policy]:
-    """The policies of one entry of ``compare``: several for the training runs of one learner.
+    """The policies of one entry of ``compare``: several for the training runs of one agent.
 
     Args:
         given: what ``as_policy`` takes, or a sequence of it.
@@ -124,7 +124,7 @@ def _from_source(source: str | Path, task: Task, trust: bool, tapes: Any) -> lis
             return [make_policy(planner, system, _tapes(task, tapes), base=each) for each in bases]
         if is_named:
             return [make_policy(text, system, _tapes(task, tapes))]
-        if text in saved.LEARNERS:
+        if text in saved.AGENTS:
             return saved.load_folder(saved.saved_agent(text, task.env_id), task.env_id, system)
     if saved.is_onnx(text):
         return [saved.load_onnx(Path(source))]
@@ -134,7 +134,7 @@ def _from_source(source: str | Path, task: Task, trust: bool, tapes: Any) -> lis
         return saved.load_folder(Path(source), task.env_id, system)
     if saved.is_code(text):
         return as_policies(Factory(saved.load_code(text, trust)), task, text, trust=trust, tapes=tapes)
-    if close := difflib.get_close_matches(text.lower(), saved.LEARNERS, n=1, cutoff=0.6):
+    if close := difflib.get_close_matches(text.lower(), saved.AGENTS, n=1, cutoff=0.6):
         wanted = f"a scheduler, a trained agent or a folder; did you mean {close[0]!r}?"
         raise InputError(f"policy is {text!r}, expected {wanted}")
     return [make_policy(text, system, _tapes(task, tapes))]  # an error that names the nearest

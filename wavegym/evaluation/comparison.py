@@ -18,7 +18,7 @@ from wavegym.core.policy import Policy
 from wavegym.core.work import Call, kept_parts, run_all
 from wavegym.core.worlds import tuning_tapes, world_seeds
 from wavegym.evaluation.adapters import Given, as_policies
-from wavegym.evaluation.play import Account, Played, account_of, merged, play
+from wavegym.evaluation.play import EpisodeResults, Played, merged, play, results_of
 from wavegym.evaluation.task import Task, make_task
 from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 
@@ -30,35 +30,35 @@ CHUNK = 50  # worlds played as one batch, whatever the number of jobs: a network
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """Several policies' accounts of the same worlds.
+    """Several policies, played on the same worlds.
 
     Attributes:
-        task: environment and settings.
-        root: the seed from which all other seeds follow.
+        task: the environment and its parameters.
+        seed: all other seeds follow from it.
         seeds: of the worlds, for ``env.reset(seed=[...])``.
-        played: for each policy the accounts of its members.
+        played: for each policy the record of each member.
     """
 
     task: Task
-    root: int
+    seed: int
     seeds: list[int]
     played: Mapping[str, Sequence[Played]]
 
     def __repr__(self) -> str:
         """What was compared, without its figures."""
-        return f"Comparison({self.task.env_id!r}, {list(self.played)}, worlds={len(self.seeds)}, root={self.root})"
+        return f"Comparison({self.task.env_id!r}, {list(self.played)}, worlds={len(self.seeds)}, seed={self.seed})"
 
     def cost(self, name: str) -> Array:
         """Mean cost per step, (member, world)."""
         return np.stack([member.episode_cost() for member in self.played[name]])
 
-    def account(self, name: str) -> Account:
+    def results(self, name: str) -> EpisodeResults:
         """Every figure of every episode, (member, world) each."""
-        return account_of(self.played[name])
+        return results_of(self.played[name])
 
-    def accounts(self) -> dict[str, Account]:
-        """The accounts of all policies, by name."""
-        return {name: self.account(name) for name in self.played}
+    def by_policy(self) -> dict[str, EpisodeResults]:
+        """The results of all policies, by name."""
+        return {name: self.results(name) for name in self.played}
 
 
 def compare(
@@ -66,12 +66,12 @@ def compare(
     policies: Mapping[str, Given | None] | Sequence[str],
     *,
     worlds: int = 200,
-    root: int = 0,
+    seed: int = 0,
     jobs: int = -1,
     progress: bool = True,
     trust: bool = False,
     keep: Path | None = None,
-    **settings: Any,
+    **parameters: Any,
 ) -> Comparison:
     """Play every policy on the same test worlds.
 
@@ -80,28 +80,28 @@ def compare(
 
     Args:
         env_id: a registered id.
-        policies: by name, each whatever ``as_policy`` takes, or a sequence of it: the training runs of one learner.
+        policies: by name, each whatever ``as_policy`` takes, or a sequence of it: the training runs of one agent.
             None stands for the scheduler, the saved agent, or the system's baseline, of that name; a list of names
             is short for that. The baseline ``myopic`` is added if absent.
         worlds: how many.
-        root: the seed from which worlds, tuning worlds and the policies' own randomness follow.
+        seed: worlds, tuning worlds and the policies' own randomness follow from it.
         jobs: processes; -1 = one for each core.
         progress: show a bar on a terminal.
         trust: whether code in saved models and in ``"package.module:factory"`` may run.
         keep: a folder, for results; a hidden folder in it keeps what was played until the call ends, so that the same
             call goes on after an interruption.
-        **settings: parameters of the system other than the registered ones.
+        **parameters: of the system, other than the registered ones.
 
     Raises:
-        InputError: an unknown id, setting or scheduler (nearest named), a number out of range, a policy whose actions
+        InputError: an unknown id, parameter or scheduler (nearest named), a number out of range, a policy whose actions
             do not fit (named), or parameters with which a policy's costs are not finite.
     """
     check_int("worlds", worlds, 1)
     if jobs != -1:
         check_int("jobs", jobs, 1)
-    seeds = world_seeds(root, "test", worlds)
-    task = make_task(env_id, settings)
-    members = members_of(task, by_name(policies), root, trust)
+    seeds = world_seeds(seed, "test", worlds)
+    task = make_task(env_id, parameters)
+    members = members_of(task, by_name(policies), seed, trust)
     laws = dict(CHIRP_LAWS.added)
     work = [
         Call(_play_warm, (own, name, policy, seeds[start : start + CHUNK], laws))
@@ -114,7 +114,7 @@ def compare(
         done = iter(run_all(work, jobs, bar.update, parts))
     chunks = range(0, worlds, CHUNK)
     played = {name: [merged([next(done) for _ in chunks]) for _ in those] for name, (_, those) in members.items()}
-    comparison = Comparison(task, root, seeds, played)
+    comparison = Comparison(task, seed, seeds, played)
     _check_finite(comparison)
     _warn_outside(comparison)
     return comparison
@@ -155,12 +155,12 @@ def _warn_outside(comparison: Comparison) -> None:
 Members = dict[str, tuple[Task, Sequence[Policy]]]
 
 
-def members_of(task: Task, policies: Mapping[str, Given | None], root: int, trust: bool) -> Members:
+def members_of(task: Task, policies: Mapping[str, Given | None], seed: int, trust: bool) -> Members:
     """Every policy's members and the task that they play.
 
     Each plays one step here, so that mistakes show before the work begins, and kernels are compiled by one process.
     """
-    loops, tapes = shortcuts.baselines(task.system), tuning_tapes(task.system.belief_model, root)
+    loops, tapes = shortcuts.baselines(task.system), tuning_tapes(task.system.belief_model, seed)
     members: Members = {}
     for name, given in policies.items():
         source: Any = name if given is None else given
@@ -168,7 +168,7 @@ def members_of(task: Task, policies: Mapping[str, Given | None], root: int, trus
         if isinstance(source, str) and source in loops:
             source, changed = loops[source]
         try:
-            own = make_task(task.env_id, {**task.settings, **changed}) if changed else task
+            own = make_task(task.env_id, {**task.parameters, **changed}) if changed else task
             members[name] = own, as_policies(source, own, name, trust=trust, tapes=tapes)
             for policy in members[name][1]:
                 _warm_up(own, name, policy)

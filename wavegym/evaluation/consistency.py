@@ -17,7 +17,7 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
-from wavegym.evaluation.play import Account, Played
+from wavegym.evaluation.play import EpisodeResults, Played
 from wavegym.evaluation.statistics import LEVEL, Estimate
 
 TOLERANCE = 0.1  # of the expected NEES
@@ -32,16 +32,16 @@ class Consistency(NamedTuple):
     true_over_believed: Estimate  # mean squared position error over the mean of its variance by belief
 
 
-def consistency(account: Account, dimension: int | None, rng: np.random.Generator) -> Consistency:
+def consistency(results: EpisodeResults, dimension: int | None, rng: np.random.Generator) -> Consistency:
     """The consistency of the tracker under one policy.
 
     Args:
-        account: of the policy.
+        results: of the policy.
         dimension: the mean NEES of a consistent tracker; without it nothing is flagged.
         rng: of the bootstrap.
     """
-    nees = statistics.ratio(account.nees, np.ones(account.nees.shape), rng)
-    ratio = statistics.ratio(np.square(account.rmse), np.square(account.believed_rmse), rng)
+    nees = statistics.ratio(results.nees, np.ones(results.nees.shape), rng)
+    ratio = statistics.ratio(np.square(results.rmse), np.square(results.believed_rmse), rng)
     return Consistency(nees, nees_flag(nees, dimension), ratio)
 
 
@@ -80,36 +80,36 @@ def nees_bounds(count: Array | int, dimension: int) -> tuple[Array, Array]:
     return low, high
 
 
-def reversals(accounts: Mapping[str, Account], root: int) -> list[dict[str, Any]]:
+def reversals(by_policy: Mapping[str, EpisodeResults], seed: int) -> list[dict[str, Any]]:
     """The pairs of which one policy costs less by belief and has the larger error by truth, as plain types.
 
     Both differences are geometric means of paired ratios, and both intervals exclude 0. Of policies that played alike
     the first stands for all.
 
     Args:
-        accounts: on the same worlds, by policy.
-        root: of the comparison; the bootstrap follows from it.
+        by_policy: results on the same worlds.
+        seed: of the comparison; the bootstrap follows from it.
 
     Returns:
         For each pair ``policy``, ``reference``, and the differences ``belief`` and ``truth`` in per cent.
     """
     found = []
-    for (name, account), (other, reference) in combinations(_distinct(accounts).items(), 2):
-        pairs = (account.cost, reference.cost), (account.squared_error, reference.squared_error)
+    for (name, results), (other, reference) in combinations(_distinct(by_policy).items(), 2):
+        pairs = (results.cost, reference.cost), (results.squared_error, reference.squared_error)
         if np.prod([_sign(*pair) for pair in pairs]) != -1.0:
             continue  # the same order; the bootstrap is slow
-        belief, truth = (_established(*pair, root) for pair in pairs)
+        belief, truth = (_established(*pair, seed) for pair in pairs)
         if belief is not None and truth is not None:
             found.append({"policy": name, "reference": other, "belief": belief, "truth": truth})
     return found
 
 
-def _distinct(accounts: Mapping[str, Account]) -> dict[str, Account]:
-    """The accounts without those that repeat an earlier one."""
-    distinct: dict[str, Account] = {}
-    for name, account in accounts.items():
-        if not any(np.array_equal(account.cost, other.cost) for other in distinct.values()):
-            distinct[name] = account
+def _distinct(by_policy: Mapping[str, EpisodeResults]) -> dict[str, EpisodeResults]:
+    """The results without those that repeat an earlier one."""
+    distinct: dict[str, EpisodeResults] = {}
+    for name, results in by_policy.items():
+        if not any(np.array_equal(results.cost, other.cost) for other in distinct.values()):
+            distinct[name] = results
     return distinct
 
 
@@ -119,8 +119,8 @@ def _sign(values: Array, reference: Array) -> float:
         return float(np.sign(np.log(values / reference.mean(axis=0)).mean()))
 
 
-def _established(values: Array, reference: Array, root: int) -> float | None:
+def _established(values: Array, reference: Array, seed: int) -> float | None:
     """The geometric difference in per cent if its interval excludes 0, else None."""
-    rng = np.random.default_rng([root, word("bootstrap")])
+    rng = np.random.default_rng([seed, word("bootstrap")])
     value, ci = statistics.difference(values, reference, rng).geometric
     return value if ci is not None and ci[0] * ci[1] > 0.0 else None

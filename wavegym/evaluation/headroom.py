@@ -25,8 +25,8 @@ from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import BASELINE, Comparison, compare
 from wavegym.evaluation.consistency import reversals
 from wavegym.evaluation.files import write_whole
-from wavegym.evaluation.play import Account
-from wavegym.evaluation.report import TABLE, compressed, read_accounts
+from wavegym.evaluation.play import EpisodeResults
+from wavegym.evaluation.report import TABLE, compressed, read_results
 from wavegym.evaluation.summary import by_consistency, by_truth, us_per_decision, versions
 from wavegym.evaluation.task import make_task
 from wavegym.registration import SYSTEMS
@@ -60,23 +60,23 @@ LONGEST = 100  # greatest horizon for plan-once
 class Kept(NamedTuple):
     """What is on file of policies that are not played again."""
 
-    accounts: dict[str, Account]
+    by_policy: dict[str, EpisodeResults]
     rows: dict[str, Any]  # of ID.json, by policy
 
     @classmethod
-    def of(cls, folder: Path, name: str, again: Sequence[str], root: int, worlds: int) -> Kept:
+    def of(cls, folder: Path, name: str, again: Sequence[str], seed: int, worlds: int) -> Kept:
         """The policies in a folder's ``name.json`` and ``name.csv.xz`` but for ``again``.
 
         Raises:
             InputError: a missing file, or one of other worlds.
         """
-        accounts = read_accounts(folder / f"{name}{TABLE}")
+        by_policy = read_results(folder / f"{name}{TABLE}")
         found = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
-        if (on_file := (found["seed"], found["worlds"])) != (root, worlds):
-            raise InputError(f"{folder / name}.json has (seed, worlds) = {on_file}, expected {(root, worlds)}")
-        others = [policy for policy in accounts if policy not in again]
+        if (on_file := (found["seed"], found["worlds"])) != (seed, worlds):
+            raise InputError(f"{folder / name}.json has (seed, worlds) = {on_file}, expected {(seed, worlds)}")
+        others = [policy for policy in by_policy if policy not in again]
         rows = found["policies"]
-        return cls({policy: accounts[policy] for policy in others}, {policy: rows[policy] for policy in others})
+        return cls({policy: by_policy[policy] for policy in others}, {policy: rows[policy] for policy in others})
 
 
 NOTHING = Kept({}, {})
@@ -85,7 +85,7 @@ NOTHING = Kept({}, {})
 def ladder(
     env_id: str,
     worlds: int,
-    root: int,
+    seed: int,
     jobs: int,
     progress: bool = True,
     names: Sequence[str] | None = None,
@@ -95,14 +95,14 @@ def ladder(
 
     Args:
         env_id: a registered id.
-        worlds, root, jobs, progress, keep: see ``wavegym.evaluation.compare``.
+        worlds, seed, jobs, progress, keep: see ``wavegym.evaluation.compare``.
         names: of the policies; all by default.
 
     Raises:
-        InputError: an unknown id, a number out of range, a searched rule on record for other features.
+        InputError: an unknown id, a number out of range, a searched heuristic on record for other features.
     """
     system = make_task(env_id, {}).system
-    tuning = tuning_tapes(system, root)
+    tuning = tuning_tapes(system, seed)
     policies: dict[str, Any] = {}
     simple = recorded(system).get(SIMPLE)
     for name in LADDER:
@@ -116,7 +116,7 @@ def ladder(
             raise
         except (InputError, NotImplementedError):  # a policy that this system cannot have
             continue
-    comparison = compare(env_id, policies, worlds=worlds, root=root, jobs=jobs, progress=progress, keep=keep)
+    comparison = compare(env_id, policies, worlds=worlds, seed=seed, jobs=jobs, progress=progress, keep=keep)
     if SIMPLE in comparison.played:
         return comparison
     return replace(comparison, played={**comparison.played, SIMPLE: comparison.played[str(simple)]})  # played once
@@ -136,13 +136,13 @@ def figures(comparison: Comparison, kept: Kept = NOTHING) -> dict[str, Any]:
         kept: of other policies on the same worlds.
     """
     system = comparison.task.system
-    accounts = {**kept.accounts, **comparison.accounts()}
+    by_policy = {**kept.by_policy, **comparison.by_policy()}
     rows = {}
-    for name, account in accounts.items():
-        rng = np.random.default_rng([comparison.root, word("bootstrap")])
-        mean = statistics.mean(account.cost, rng)
-        ratio = statistics.difference(account.cost, accounts[SIMPLE].cost, rng).geometric
-        truth = by_truth(account, accounts[SIMPLE], rng)
+    for name, results in by_policy.items():
+        rng = np.random.default_rng([comparison.seed, word("bootstrap")])
+        mean = statistics.mean(results.cost, rng)
+        ratio = statistics.difference(results.cost, by_policy[SIMPLE].cost, rng).geometric
+        truth = by_truth(results, by_policy[SIMPLE], rng)
         own = kept.rows.get(name, {})
         if name in comparison.played:
             own = {**by_consistency(comparison, name, rng), "us_per_decision": us_per_decision(comparison, name)}
@@ -157,14 +157,14 @@ def figures(comparison: Comparison, kept: Kept = NOTHING) -> dict[str, Any]:
     return {
         "env": comparison.task.env_id,
         "worlds": len(comparison.seeds),
-        "seed": comparison.root,
+        "seed": comparison.seed,
         "horizon": system.horizon,
         "tuned_constants": recorded(system),
         "versions": versions(),
-        "in_gospa": accounts[SIMPLE].in_gospa,
+        "in_gospa": by_policy[SIMPLE].in_gospa,
         "nees_dimension": system.nees_dimension,
         "policies": rows,
-        "reversals": reversals(accounts, comparison.root),
+        "reversals": reversals(by_policy, comparison.seed),
     }
 
 
@@ -172,7 +172,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Play and write."""
     parser = Parser(prog="python -m wavegym.evaluation.headroom", description="How much is there to gain by planning.")
     tuned = [env_id for env_id, (system, _, given, _) in SYSTEMS.items() if system in records() and not given]
-    wanted = "environments (default: those of the suite with rules on record)"
+    wanted = "environments (default: those of the suite with heuristics on record)"
     parser.add_argument("ids", nargs="*", metavar="ID", default=tuned, help=wanted)
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")
     parser.add_argument("--seed", type=int, default=0, help="of all worlds (default: 0)")
@@ -190,10 +190,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
             comparison = ladder(task.env_id, read.worlds, read.seed, read.jobs, names=names, keep=read.out)
         found = figures(comparison, kept)
         text = json.dumps(found, indent=2, allow_nan=False) + "\n"
-        accounts = {**comparison.accounts(), **kept.accounts}
-        write_whole(read.out, {f"{name}.json": text.encode(), f"{name}{TABLE}": compressed(accounts)})
+        by_policy = {**comparison.by_policy(), **kept.by_policy}
+        write_whole(read.out, {f"{name}.json": text.encode(), f"{name}{TABLE}": compressed(by_policy)})
         best = found["policies"]["best-planner"]["vs_simple_percent"]
-        print(f"{name}: the best planner costs {best:+.1f} % of the best simple rule's cost")
+        print(f"{name}: the best planner costs {best:+.1f} % of the best heuristic's cost")
 
 
 if __name__ == "__main__":

@@ -32,8 +32,8 @@ def page(comparison: Comparison, summary: dict[str, Any]) -> bytes:
         comparison: the result of ``compare``.
         summary: the result of ``summarise``.
     """
-    settings = "".join(f", {key}={value}" for key, value in summary["settings"].items())
-    title = f"{comparison.task.env_id}{settings}"
+    parameters = "".join(f", {key}={value}" for key, value in summary["parameters"].items())
+    title = f"{comparison.task.env_id}{parameters}"
     # Inside a script element nothing may look like markup.
     data = json.dumps(_data(comparison, summary, title), allow_nan=False).replace("<", "\\u003c")
     template = (resources.files("wavegym.evaluation") / TEMPLATE).read_text("utf-8")
@@ -59,12 +59,12 @@ def _data(comparison: Comparison, summary: dict[str, Any], title: str) -> dict[s
         "policies": [
             {
                 "name": name,
-                **_over_time(account),
+                **_over_time(record),
                 "percent": _short(_percent(comparison, name)),
-                "shares": _shares(account, options),
+                "shares": _shares(record, options),
                 "episode": _episode(comparison.played[name][0], world, options),
             }
-            for name, account in ((name, played[name]) for name in shown[0].columns[0][1:])  # in the tables' order
+            for name, record in ((name, played[name]) for name in shown[0].columns[0][1:])  # in the tables' order
         ],
     }
 
@@ -75,7 +75,7 @@ def _options(comparison: Comparison, played: dict[str, Played]) -> tuple[Array, 
     if isinstance(actions, ParameterBox):
         return np.zeros(0, np.int64), []
     labels = list(waveform_labels(actions))
-    used = np.sum([account.chosen.sum(axis=(0, 1)) for account in played.values()], axis=0)
+    used = np.sum([record.chosen.sum(axis=(0, 1)) for record in played.values()], axis=0)
     order = [int(i) for i in np.argsort(-used, kind="stable") if used[i]]
     shown = order if len(order) <= MOST else order[: MOST - 1]
     row = np.full(len(labels), len(shown))
@@ -83,9 +83,9 @@ def _options(comparison: Comparison, played: dict[str, Played]) -> tuple[Array, 
     return row, [labels[i] for i in shown] + (["other"] if len(order) > len(shown) else [])
 
 
-def _over_time(account: Played) -> dict[str, Any]:
+def _over_time(record: Played) -> dict[str, Any]:
     """Quartiles over worlds, of those still running, of the cost after each step."""
-    low, middle, high = np.nanpercentile(account.cost, QUARTILES, axis=0)
+    low, middle, high = np.nanpercentile(record.cost, QUARTILES, axis=0)
     return {"low": _short(low), "median": _short(middle), "high": _short(high)}
 
 
@@ -94,21 +94,21 @@ def _percent(comparison: Comparison, name: str) -> Array:
     return percent_off(comparison.cost(name).mean(axis=0), comparison.cost(BASELINE).mean(axis=0))
 
 
-def _shares(account: Played, options: Array) -> list[list[list[float | None]]]:
+def _shares(record: Played, options: Array) -> list[list[list[float | None]]]:
     """The share of each row of the legend at each step and sensor, (sensor, step, row)."""
     if not len(options):
         return []
-    rows = np.where(account.choice >= 0, options[account.choice], -1)
+    rows = np.where(record.choice >= 0, options[record.choice], -1)
     count = options.max() + 1
     shares = np.stack([(rows == k).sum(axis=0) for k in range(count)], axis=2) / (rows >= 0).sum(axis=0)[..., None]
     return [[_short(step) for step in sensor] for sensor in np.swapaxes(shares, 0, 1)]
 
 
-def _episode(account: Played, world: int, options: Array) -> dict[str, Any]:
+def _episode(record: Played, world: int, options: Array) -> dict[str, Any]:
     """One world's cost after each step, and the legend's row of each transmission, (sensor, step)."""
-    steps = account.steps[world]
-    rows = options[account.choice[world, :steps]].T.tolist() if len(options) else []
-    return {"cost": _short(account.cost[world, :steps]), "rows": rows}
+    steps = record.steps[world]
+    rows = options[record.choice[world, :steps]].T.tolist() if len(options) else []
+    return {"cost": _short(record.cost[world, :steps]), "rows": rows}
 
 
 def _typical(comparison: Comparison) -> int:

@@ -44,9 +44,9 @@ def draw(comparison: Comparison, summary: dict[str, Any]) -> bytes:
     _draw_curves(above, figure.add_subplot(grid[1, 0], sharex=above), comparison, names, colours)
     _draw_differences(figure.add_subplot(grid[:, 1]), comparison, summary, names, colours)
     figure.legend(*above.get_legend_handles_labels(), loc="outside lower center", ncols=6, fontsize="small")
-    settings = "".join(f", {key}={value}" for key, value in summary["settings"].items())
+    parameters = "".join(f", {key}={value}" for key, value in summary["parameters"].items())
     worlds = f"{len(comparison.seeds)} world{'s' * (len(comparison.seeds) > 1)}, the same for every policy"
-    figure.suptitle(f"{comparison.task.env_id}{settings}: {worlds}", fontsize="medium")
+    figure.suptitle(f"{comparison.task.env_id}{parameters}: {worlds}", fontsize="medium")
     return as_png(figure)
 
 

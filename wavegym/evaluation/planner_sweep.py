@@ -60,7 +60,7 @@ class Setting(NamedTuple):
 
 
 class Swept(NamedTuple):
-    """What a setting costs, relative to the best simple heuristic on the same worlds."""
+    """What a setting costs, relative to the best heuristic on the same worlds."""
 
     setting: Setting
     worlds: int
@@ -146,7 +146,7 @@ def sweep(
 
     Args:
         system: the closed loop.
-        bases: base policies by name, the best simple heuristic first.
+        bases: base policies by name, the best heuristic first.
         worlds: tapes for tuning, axis 0 = world.
         seconds: CPU seconds for all.
         recorded: settings that are tried first.

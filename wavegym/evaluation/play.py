@@ -56,8 +56,8 @@ class Played(NamedTuple):
         return np.stack(each, axis=1) if each else np.zeros((len(self.steps), 0, 0), np.int64)
 
 
-class Account(NamedTuple):
-    """The figures of every episode of a policy, (member, world) each; NaN where the system has no such metric."""
+class EpisodeResults(NamedTuple):
+    """The results of every episode of a policy, (member, world) each; NaN where the system has no such metric."""
 
     cost: Array  # by belief, mean per step
     rmse: Array  # root mean square position error over steps and the targets present, m
@@ -78,17 +78,17 @@ class Account(NamedTuple):
         return np.square(self.gospa if self.in_gospa else self.rmse)
 
 
-BY_EPISODE = Account._fields  # columns of episodes.csv
+BY_EPISODE = EpisodeResults._fields  # columns of episodes.csv
 
 
-def account_of(members: Sequence[Played]) -> Account:
-    """The account of a policy's members on the same worlds."""
+def results_of(members: Sequence[Played]) -> EpisodeResults:
+    """The results of a policy's members on the same worlds."""
     by_episode = [by_world(member) for member in members]
-    return Account(*(np.stack(values) for values in zip(*by_episode, strict=True)))
+    return EpisodeResults(*(np.stack(values) for values in zip(*by_episode, strict=True)))
 
 
 def by_world(played: Played) -> list[Array]:
-    """One member's figures in the order of ``BY_EPISODE``, (world,) each."""
+    """One member's results in the order of ``BY_EPISODE``, (world,) each."""
     return [played.episode_cost(), *(getattr(played, name) for name in BY_EPISODE[1:])]
 
 
@@ -109,8 +109,8 @@ def play(
     follows from the seeds, so the result does not depend on the process.
 
     Args:
-        task: system and settings.
-        policy: a scheduler, a planner or a learned policy. A clairvoyant one has a method ``reveal(world)``.
+        task: the system and its parameters.
+        policy: a scheduler or an agent. A clairvoyant one has a method ``reveal(world)``.
         seeds: of the worlds.
         max_steps: stop after so many steps, even if episodes are unfinished.
         name: of the policy, in error messages.
@@ -130,26 +130,26 @@ def play(
         measurements=watch is not None and type(task.system).measure is not System.measure,
     )
     observation, info = env.reset(seed=list(seeds))
-    account = _Account(task, len(seeds))
+    recorder = _Recorder(task, len(seeds))
     if watch:
-        watch(env, info, account.running)
+        watch(env, info, recorder.running)
     start = perf_counter()
     policy.begin(task.system, len(seeds), np.random.default_rng([word("policy"), seeds[0]]))
     if isinstance(policy, Clairvoyant):
         policy.reveal(env.world)
-    while account.running.any() and len(account.costs) != max_steps:
+    while recorder.running.any() and len(recorder.costs) != max_steps:
         action = policy.act(env.belief, observation, allowed(task.system, env.belief))
-        account.seconds[account.running] += (perf_counter() - start) / account.running.sum()
-        account.outside += _outside_training(policy, account.running)
+        recorder.seconds[recorder.running] += (perf_counter() - start) / recorder.running.sum()
+        recorder.outside += _outside_training(policy, recorder.running)
         try:
             observation, _, terminated, truncated, info = env.step(action)
         except InputError as error:
             raise InputError(f"policy {name or type(policy).__name__!r}: {error}") from error
         if watch:
-            watch(env, info, account.running)
-        account.add(info, step_lengths(task.system, env.episodes.state.belief), terminated | truncated)
+            watch(env, info, recorder.running)
+        recorder.add(info, step_lengths(task.system, env.episodes.state.belief), terminated | truncated)
         start = perf_counter()
-    return account.close()
+    return recorder.close()
 
 
 def _outside_training(policy: Policy, running: Array) -> Array:
@@ -158,7 +158,7 @@ def _outside_training(policy: Policy, running: Array) -> Array:
     return np.full(len(running), np.nan) if left is None else 1.0 * (left & running)
 
 
-class _Account:
+class _Recorder:
     """Running sums over the steps of a batch of episodes."""
 
     def __init__(self, task: Task, count: int) -> None:
@@ -266,7 +266,7 @@ def _counted(info: dict[str, Array], key: str, on: Array) -> Array:
 
 
 def merged(parts: Sequence[Played]) -> Played:
-    """One account from those of consecutive chunks of worlds."""
+    """One record from those of consecutive chunks of worlds."""
     longest = max(part.cost.shape[1] for part in parts)
     padded = [_lengthened(part, longest - part.cost.shape[1]) for part in parts]
     return Played(*(np.concatenate(arrays) for arrays in zip(*padded, strict=True)))

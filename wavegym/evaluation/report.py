@@ -18,7 +18,7 @@ from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.files import csv_text, write_whole
 from wavegym.evaluation.page import page
 from wavegym.evaluation.picture import draw
-from wavegym.evaluation.play import BY_EPISODE, Account, Played, by_world
+from wavegym.evaluation.play import BY_EPISODE, EpisodeResults, Played, by_world
 from wavegym.evaluation.summary import summarise
 from wavegym.evaluation.table import markdown
 
@@ -55,7 +55,7 @@ def write_report(comparison: Comparison, folder: Path | str) -> str:
 def episodes(comparison: Comparison) -> str:
     """``episodes.csv``: a row per policy, member and world, with every digit; the same for any number of jobs.
 
-    ``env.reset(seed=[seed])`` replays the world. ``cost`` to ``outside`` are those of ``Account``. ``favourite`` is
+    ``env.reset(seed=[seed])`` replays the world. ``cost`` to ``outside`` are the ``EpisodeResults``. ``favourite`` is
     the waveform transmitted most often and ``favourite_share`` how often, 0 to 1. Several targets add ``rmse_1``,
     ``rmse_2``, ... and several sensors have ``favourite_1``, ``favourite_share_1``, ... A field without a value is
     empty.
@@ -91,19 +91,19 @@ def _rows(played: Played, labels: tuple[str, ...]) -> list[list[Any]]:
     return rows
 
 
-def compressed(accounts: Mapping[str, Account]) -> bytes:
-    """A file ``TABLE`` with every digit of the accounts, by policy; the same accounts give the same bytes."""
+def compressed(by_policy: Mapping[str, EpisodeResults]) -> bytes:
+    """A file ``TABLE`` with every digit of the results, by policy; the same results give the same bytes."""
     rows = (
         [name, member, *("" if np.isnan(value) else value for value in values)]
-        for name, account in accounts.items()
-        for member, table in enumerate(np.stack(account, axis=2).tolist())
+        for name, results in by_policy.items()
+        for member, table in enumerate(np.stack(results, axis=2).tolist())
         for values in table
     )
     return lzma.compress(csv_text(("policy", "member", *BY_EPISODE), rows).encode(), preset=9)
 
 
-def read_accounts(file: Path) -> dict[str, Account]:
-    """The accounts by policy in an episodes.csv or a file ``TABLE``. A column that the file lacks is NaN.
+def read_results(file: Path) -> dict[str, EpisodeResults]:
+    """The results by policy in an episodes.csv or a file ``TABLE``. A column that the file lacks is NaN.
 
     Raises:
         InputError: the file is missing.
@@ -117,4 +117,4 @@ def read_accounts(file: Path) -> dict[str, Account]:
             members = rows.setdefault(row["policy"], {})
             members.setdefault(int(row["member"]), []).append([float(row.get(key) or "nan") for key in BY_EPISODE])
     values = {name: np.array([members[m] for m in sorted(members)]) for name, members in rows.items()}
-    return {name: Account(*np.moveaxis(table, 2, 0)) for name, table in values.items()}
+    return {name: EpisodeResults(*np.moveaxis(table, 2, 0)) for name, table in values.items()}

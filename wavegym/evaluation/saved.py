@@ -16,7 +16,7 @@ from wavegym.policies.runs import pretrained_folder
 from wavegym.registration import stem
 
 SAVED = Path(__file__).parents[2] / "results" / "runs"  # ENVIRONMENT/LEARNER/seedN, as agents.experiment makes them
-LEARNERS = ("ppo", "dqn")
+AGENTS = ("ppo", "dqn")
 CODE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")  # package.module:factory
 
 

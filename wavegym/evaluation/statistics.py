@@ -1,9 +1,9 @@
 """Estimates with bootstrap intervals, from the costs of (training seed, world) pairs.
 
-Every policy met the same worlds, and a learned policy may have several training runs, its *members*: results are a
+Every policy met the same worlds, and an agent may have several training runs, its *members*: results are a
 matrix (member, world), with one row for a scheduler. Worlds differ far more than policies do, so policies are compared
 in pairs: a resample of worlds is the same for all. Where there are several members they are resampled too (the two axes
-independently; Owen 2007, "The pigeonhole bootstrap"): the claim is about the learner, not about these networks. Taking
+independently; Owen 2007, "The pigeonhole bootstrap"): the claim is about the training, not about these networks. Taking
 the members for fixed would leave out the spread between training runs; taking (member, world) episodes for independent
 would leave out that members share worlds. Both make intervals too narrow. With
 few training seeds they still are: with three seeds the interval over seeds is too narrow; read it together with the

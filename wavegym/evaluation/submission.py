@@ -1,4 +1,4 @@
-"""Submissions to the board: policies in files that run no code, played on worlds of a root drawn after they were made.
+"""Submissions to the board: policies in files that run no code, played on worlds of a seed drawn after they were made.
 
 A submission is a folder with ``submission.toml`` and the files that it names::
 
@@ -13,7 +13,7 @@ A submission is a folder with ``submission.toml`` and the files that it names::
     [policies.AgileClutter-v0]
     file = "agile.onnx"
     steps = 640_000
-    settings = { action = "joint" }
+    parameters = { action = "joint" }
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from wavegym.registration import SYSTEMS, full_id
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded
 
 FILE = "submission.toml"
-SETTINGS = ("action", "points")  # what a submission may change: how actions are told, never the world or the tracker
+PARAMETERS = ("action", "points")  # what a submission may change: how actions are told, never the world or the tracker
 DIGITS = 6  # of a cost
 CLOSED = ConfigDict(extra="forbid")
 FREE_ENERGY = 2.0  # longest pulses of one radar in a step: what two radars can spend
@@ -62,13 +62,13 @@ class Entry:
         file: an ONNX file or the folder of a run, relative to the submission.
         steps: of its training.
         cpu_seconds: of its training; None: not known.
-        settings: of the environment's action set.
+        parameters: of the environment's action set.
     """
 
     file: Path
     steps: NonNegativeInt
     cpu_seconds: NonNegativeFloat | None = None
-    settings: dict[str, Any] = field(default_factory=dict)
+    parameters: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, config=CLOSED)
@@ -103,7 +103,7 @@ BOUNDS = {
 
 
 def suite() -> list[str]:
-    """The environments of the board: those of the suite that have a best simple heuristic on record."""
+    """The environments of the board: those of the suite that have a best heuristic on record."""
     return [env_id for env_id in SYSTEMS if SIMPLE in recorded(make_task(env_id, {}).system)]
 
 
@@ -111,7 +111,7 @@ def read_submission(folder: Path) -> Submission:
     """The submission in a folder, with full ids and whole paths.
 
     Raises:
-        InputError: no or an invalid file, an environment that is not on the board, settings that are not allowed, or
+        InputError: no or an invalid file, an environment that is not on the board, parameters that are not allowed, or
             a file that may hold code.
     """
     path = folder / FILE
@@ -128,26 +128,26 @@ def read_submission(folder: Path) -> Submission:
     known, policies = suite(), {}
     for name, entry in found.policies.items():
         env_id = check_choice(f"{path}: environment", full_id(name), known)
-        for setting in entry.settings:
-            check_choice(f"{path}: setting of {name}", setting, SETTINGS)
+        for parameter in entry.parameters:
+            check_choice(f"{path}: parameter of {name}", parameter, PARAMETERS)
         file = folder / entry.file
         if not (is_onnx(str(file)) and file.is_file()) and not file.is_dir():
             raise InputError(f"{path}: file of {name} is {str(entry.file)!r}, expected an .onnx file or a run's folder")
-        policies[env_id] = Entry(file, entry.steps, entry.cpu_seconds, entry.settings)
+        policies[env_id] = Entry(file, entry.steps, entry.cpu_seconds, entry.parameters)
     return Submission(found.name, found.code, policies)
 
 
 def play_submission(
-    submission: Submission, out: Path, *, root: int, worlds: int, jobs: int = -1, progress: bool = True
+    submission: Submission, out: Path, *, seed: int, worlds: int, jobs: int = -1, progress: bool = True
 ) -> Iterator[str]:
-    """Play every policy and the best simple heuristic; write ``out``/NAME.json after each environment; yield its id.
+    """Play every policy and the best heuristic; write ``out``/NAME.json after each environment; yield its id.
 
-    What the file already has of the same policy, root, worlds and version is not played again.
+    What the file already has of the same policy, seed, worlds and version is not played again.
 
     Args:
         submission: what to play.
         out: folder of the record.
-        root: of the worlds.
+        seed: of the worlds.
         worlds: in each environment.
         jobs: processes; -1 = one for each core.
         progress: show a bar on a terminal.
@@ -156,19 +156,19 @@ def play_submission(
         InputError: see ``compare``.
     """
     file = out / f"{submission.name}.json"
-    about = {"name": submission.name, "code": submission.code, "version": VERSION, "root": root, "worlds": worlds}
+    about = {"name": submission.name, "code": submission.code, "version": VERSION, "seed": seed, "worlds": worlds}
     earlier = read_record(file) if file.exists() else {}
-    same = all(earlier.get(key) == about[key] for key in ("version", "root", "worlds"))
+    same = all(earlier.get(key) == about[key] for key in ("version", "seed", "worlds"))
     kept = earlier.get("environments", {}) if same else {}
     played: dict[str, Any] = {}
     for env_id, entry in submission.policies.items():
         content = _sha256(entry.file)
         if kept.get(env_id, {}).get("sha256") != content:
             figures = _play(
-                env_id, submission.name, entry, {"worlds": worlds, "root": root, "jobs": jobs, "keep": out}, progress
+                env_id, submission.name, entry, {"worlds": worlds, "seed": seed, "jobs": jobs, "keep": out}, progress
             )
             kept = {**kept, env_id: {**figures, "sha256": content}}
-        declared = {"steps": entry.steps, "cpu_seconds": entry.cpu_seconds, "settings": entry.settings}
+        declared = {"steps": entry.steps, "cpu_seconds": entry.cpu_seconds, "parameters": entry.parameters}
         played[env_id] = {**kept[env_id], **declared}
         write_whole(out, {file.name: (json.dumps({**about, "environments": played}, indent=1) + "\n").encode()})
         yield env_id
@@ -178,7 +178,7 @@ def read_record(file: Path) -> dict[str, Any]:
     """A record of ``play_submission``. Raises an InputError for any other file."""
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
-        if {"name", "version", "root", "worlds", "environments"} <= set(found):
+        if {"name", "version", "seed", "worlds", "environments"} <= set(found):
             return dict(found)
     except (OSError, ValueError, TypeError):
         pass
@@ -215,25 +215,25 @@ def _share_of_gap(found: Mapping[str, Any], record: Record) -> list[str]:
 
 
 def pair(found: Mapping[str, Any], figure: str) -> tuple[Array, Array]:
-    """A figure of the submission and of the best simple heuristic, (1, world) each."""
+    """A figure of the submission and of the best heuristic, (1, world) each."""
     own, simple = (np.array([found[name]], np.float64) for name in (figure, f"simple_{figure}"))
     return own, simple
 
 
 def bootstrap(record: Record) -> np.random.Generator:
     """The random numbers of the intervals of a record."""
-    return np.random.default_rng([record["root"], word("bootstrap")])
+    return np.random.default_rng([record["seed"], word("bootstrap")])
 
 
 def _play(env_id: str, name: str, entry: Entry, common: dict[str, Any], progress: bool) -> dict[str, Any]:
-    """Costs and squared errors of the policy and of the best simple heuristic, and a lower bound where one is known."""
-    own = compare(env_id, {name: entry.file}, progress=progress, **common, **entry.settings)
+    """Costs and squared errors of the policy and of the best heuristic, and a lower bound where one is known."""
+    own = compare(env_id, {name: entry.file}, progress=progress, **common, **entry.parameters)
     simple = compare(env_id, {SIMPLE: None}, progress=progress, **common)
     figures: dict[str, Any] = {}
     for prefix, comparison, policy in (("", own, name), ("simple_", simple, SIMPLE)):
-        account = comparison.account(policy)
-        figures[f"{prefix}cost"] = _rounded(account.cost.mean(axis=0))
-        figures[f"{prefix}error"] = _rounded(account.squared_error.mean(axis=0))
+        results = comparison.results(policy)
+        figures[f"{prefix}cost"] = _rounded(results.cost.mean(axis=0))
+        figures[f"{prefix}error"] = _rounded(results.squared_error.mean(axis=0))
     bound = lower_bound(env_id, progress=progress, **common)
     if bound is not None:
         figures["bound"] = _rounded(bound)
@@ -249,7 +249,7 @@ def lower_bound(env_id: str, **common: Any) -> Array | None:
 
     Args:
         env_id: a full id.
-        **common: number of worlds, root, jobs and the like, as for ``compare``.
+        **common: number of worlds, seed, jobs and the like, as for ``compare``.
     """
     if env_id not in BOUNDS:
         return None

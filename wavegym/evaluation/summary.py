@@ -15,7 +15,7 @@ from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import BASELINE, FLOOR, Comparison
 from wavegym.evaluation.consistency import consistency, reversals, steps_outside
-from wavegym.evaluation.play import Account
+from wavegym.evaluation.play import EpisodeResults
 from wavegym.evaluation.statistics import Estimate
 
 PACKAGES = ("gymnasium", "numpy", "scipy", "numba", "stable-baselines3", "torch")
@@ -25,9 +25,9 @@ def summarise(comparison: Comparison) -> dict[str, Any]:
     """The summary in plain types; None (``null``) for a metric that the system lacks or an estimate that is undefined.
 
     Keys:
-        env, settings (parameters other than the registered ones), worlds, seed, versions; ``in_gospa``, whether the
+        env, parameters (other than the registered ones), worlds, seed, versions; ``in_gospa``, whether the
         error by truth is the GOSPA distance; ``nees_dimension``, the mean NEES of a consistent tracker; policies
-        (below); ``reversals``, the pairs whose order by belief is not their order by truth.
+        (below); ``reversals``, the pairs that belief and truth rank differently.
 
         For each policy ``cost`` {mean, ci, iqm, median} of the episodes' mean cost per step; ``vs_myopic`` {percent,
         ci, geometric_percent, geometric_ci}, negative = cheaper than the one-step scheduler; ``score`` (0 = random,
@@ -37,25 +37,25 @@ def summarise(comparison: Comparison) -> dict[str, Any]:
         commonest first; ``us_per_decision``, microseconds for one decision in batches of worlds, the only figure taken
         from a clock, so another run does not repeat it. Intervals are [low, high] at 95 %.
     """
-    accounts = comparison.accounts()
+    by_policy = comparison.by_policy()
     return {
         "env": comparison.task.env_id,
-        "settings": {key: _plain(value) for key, value in comparison.task.settings.items()},
+        "parameters": {key: _plain(value) for key, value in comparison.task.parameters.items()},
         "worlds": len(comparison.seeds),
-        "seed": comparison.root,
+        "seed": comparison.seed,
         "versions": versions(),
-        "in_gospa": accounts[BASELINE].in_gospa,
+        "in_gospa": by_policy[BASELINE].in_gospa,
         "nees_dimension": comparison.task.system.nees_dimension,
-        "policies": {name: _policy(comparison, name, accounts) for name in comparison.played},
-        "reversals": reversals(accounts, comparison.root),
+        "policies": {name: _policy(comparison, name, by_policy) for name in comparison.played},
+        "reversals": reversals(by_policy, comparison.seed),
     }
 
 
-def by_truth(account: Account, reference: Account, rng: np.random.Generator) -> dict[str, Any]:
+def by_truth(results: EpisodeResults, reference: EpisodeResults, rng: np.random.Generator) -> dict[str, Any]:
     """The error of a policy by truth, as plain types.
 
     Args:
-        account: of the policy.
+        results: of the policy.
         reference: of the policy that it is compared with, on the same worlds.
         rng: of the bootstrap.
 
@@ -63,8 +63,8 @@ def by_truth(account: Account, reference: Account, rng: np.random.Generator) -> 
         ``mean`` and ``ci``, the squared error per step in m^2; ``root``, the root of the mean in m; and against the
         reference ``percent``, ``percent_ci`` of the means, ``geometric_percent`` and ``geometric_ci``.
     """
-    mean = statistics.mean(account.squared_error, rng)
-    against = statistics.difference(account.squared_error, reference.squared_error, rng)
+    mean = statistics.mean(results.squared_error, rng)
+    against = statistics.difference(results.squared_error, reference.squared_error, rng)
     return {
         **named("mean", "ci", mean),
         "root": None if mean.value is None else math.sqrt(mean.value),
@@ -80,24 +80,24 @@ def by_consistency(comparison: Comparison, name: str, rng: np.random.Generator) 
         ``nees`` {mean, ci, flag, steps_outside}, see ``consistency`` and ``steps_outside``; ``true_over_believed``
         {ratio, ci} of the mean squared position errors; ``lost``, tracks lost per episode.
     """
-    account, dimension = comparison.account(name), comparison.task.system.nees_dimension
-    found = consistency(account, dimension, rng)
+    results, dimension = comparison.results(name), comparison.task.system.nees_dimension
+    found = consistency(results, dimension, rng)
     outside = steps_outside(comparison.played[name], dimension)
     return {
         "nees": {**named("mean", "ci", found.nees), "flag": found.flag, "steps_outside": outside},
         "true_over_believed": named("ratio", "ci", found.true_over_believed),
-        "lost": statistics.average(account.lost),
+        "lost": statistics.average(results.lost),
     }
 
 
-def _policy(comparison: Comparison, name: str, accounts: dict[str, Account]) -> dict[str, Any]:
+def _policy(comparison: Comparison, name: str, by_policy: dict[str, EpisodeResults]) -> dict[str, Any]:
     # A generator of its own for every policy: its interval is the same in whatever company it is compared.
-    rng = np.random.default_rng([comparison.root, word("bootstrap")])
-    account, baseline = accounts[name], accounts[BASELINE]
-    cost, rmse = account.cost, account.rmse
+    rng = np.random.default_rng([comparison.seed, word("bootstrap")])
+    results, baseline = by_policy[name], by_policy[BASELINE]
+    cost, rmse = results.cost, results.rmse
     mean = statistics.mean(cost, rng)
     against = statistics.difference(cost, baseline.cost, rng)
-    floor = statistics.average(accounts[FLOOR].cost) if FLOOR in accounts else None
+    floor = statistics.average(by_policy[FLOOR].cost) if FLOOR in by_policy else None
     rmse_mean = statistics.mean(rmse, rng)
     return {
         "cost": {
@@ -110,7 +110,7 @@ def _policy(comparison: Comparison, name: str, accounts: dict[str, Account]) -> 
             **named("geometric_percent", "geometric_ci", against.geometric),
         },
         "score": statistics.score(mean.value, floor, statistics.average(baseline.cost)),
-        "truth": by_truth(account, baseline, rng),
+        "truth": by_truth(results, baseline, rng),
         **by_consistency(comparison, name, rng),
         "rmse": {**named("mean", "ci", rmse_mean), "median": statistics.median(rmse), **_targets(comparison, name)},
         **_choices(comparison, name),

@@ -41,9 +41,9 @@ class Table(NamedTuple):
 
 def markdown(summary: dict[str, Any]) -> str:
     """What was played, and the tables."""
-    settings = "".join(f", {key}={value}" for key, value in summary["settings"].items())
+    parameters = "".join(f", {key}={value}" for key, value in summary["parameters"].items())
     worlds = f"{summary['worlds']} world{'s' * (summary['worlds'] > 1)}"
-    title = f"{summary['env']}{settings}: {worlds}, seed {summary['seed']}"
+    title = f"{summary['env']}{parameters}: {worlds}, seed {summary['seed']}"
     return "\n\n".join([title, *map(titled, tables(summary)), order_sentence(summary["reversals"])])
 
 
@@ -80,13 +80,13 @@ def order_sentence(reversals: Sequence[Mapping[str, Any]]) -> str:
     """What a report says of the pairs found by ``consistency.reversals``, but for what rounds to 0."""
     reversals = [pair for pair in reversals if "0" not in (signed(pair["belief"]), signed(pair["truth"]))]
     if not reversals:
-        return "No two policies are established to have one order by belief and the other by truth."
+        return "Wherever both differences are significant, belief and truth rank the policies alike."
     listed = [
         f"{pair['policy']} against {pair['reference']} {signed(pair['belief'])} % by belief and "
         f"{signed(pair['truth'])} % by truth"
         for pair in reversals
     ]
-    return f"The order by belief is not the order by truth: {'; '.join(listed)}."
+    return f"Belief and truth rank these policies differently: {'; '.join(listed)}."
 
 
 def aligned(columns: list[list[str]]) -> str:

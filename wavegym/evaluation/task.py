@@ -1,4 +1,4 @@
-"""The task of a comparison: an environment's system with its settings, without a Gymnasium shell."""
+"""The task of a comparison: an environment's system with its parameters, without a Gymnasium shell."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ class Task:
         env_id: the full id.
         system: the closed loop.
         max_episode_steps: truncation before the system's own end, or None.
-        settings: the system's parameters that differ from those registered.
+        parameters: of the system, those that differ from those registered.
         observation: what policies observe, "belief" or "measurements"; schedulers read the belief itself.
     """
 
     env_id: str
     system: System
     max_episode_steps: int | None
-    settings: Mapping[str, Any]
+    parameters: Mapping[str, Any]
     observation: str = "belief"
 
 
-def make_task(env_id: str, settings: Mapping[str, Any]) -> Task:
+def make_task(env_id: str, parameters: Mapping[str, Any]) -> Task:
     """The task of a registered environment.
 
     Args:
         env_id: with or without ``wavegym/``.
-        settings: parameters of the system other than the registered ones; "scenario" names a file of them.
+        parameters: of the system, other than the registered ones; "scenario" names a file of them.
 
     Raises:
-        InputError: an unreadable scenario, an unknown id or setting (nearest named), or a value out of range.
+        InputError: an unreadable scenario, an unknown id or parameter (nearest named), or a value out of range.
     """
     env_id = full_id(env_id)
     system, registered = registered_system(env_id)
     limit = registered.pop("max_episode_steps", gym.spec(env_id).max_episode_steps)
-    settings = {**scenario_differences(env_id, settings.get("scenario", registered.get("scenario"))), **settings}
-    settings.pop("scenario", None)
-    own = {key: value for key, value in registered.items() if key not in SHELL}  # the cost itself is reported
-    parameters = {**own, **settings}
-    observation = parameters.pop("observation", registered.get("observation", "belief"))
-    return Task(env_id, build_system(system, parameters), limit, settings, observation)
+    of_file = scenario_differences(env_id, parameters.get("scenario", registered.get("scenario")))
+    given = {name: value for name, value in {**of_file, **parameters}.items() if name != "scenario"}
+    own = {name: value for name, value in registered.items() if name not in SHELL}  # the cost itself is reported
+    complete = {**own, **given}
+    observation = complete.pop("observation", registered.get("observation", "belief"))
+    return Task(env_id, build_system(system, complete), limit, given, observation)

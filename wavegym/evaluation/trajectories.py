@@ -28,10 +28,10 @@ def write_trajectories(
     env_id: str,
     policies: Mapping[str, Given | None],
     episodes: int,
-    root: int = 0,
+    seed: int = 0,
     trust: bool = False,
     worlds: int = CHUNK,
-    **settings: Any,
+    **parameters: Any,
 ) -> tuple[str, str]:
     """Play the first worlds of a comparison once more, and write what happened in them.
 
@@ -42,7 +42,7 @@ def write_trajectories(
 
     Args:
         folder: where the files go.
-        env_id, policies, root, trust, settings: as for ``compare``.
+        env_id, policies, seed, trust, parameters: as for ``compare``.
         episodes: how many worlds, from the first on; at most 50.
         worlds: as for ``compare``: the worlds are played in the batches of the comparison.
 
@@ -55,11 +55,11 @@ def write_trajectories(
     most = min(CHUNK, worlds)
     if check_int("trajectories", episodes, 1) > most:
         raise InputError(f"trajectories is {episodes}, expected at most {most} worlds (nearest: {most})")
-    task = make_task(env_id, settings)
-    seeds = world_seeds(root, "test", most)
+    task = make_task(env_id, parameters)
+    seeds = world_seeds(seed, "test", most)
     _check_estimates(task)
     paths, returns = [], []
-    for name, (own, members) in members_of(task, by_name(policies), root, trust).items():
+    for name, (own, members) in members_of(task, by_name(policies), seed, trust).items():
         for run, policy in enumerate(members):
             recorder = _Recorder(own.system, episodes, (name, run))
             play(own, policy, seeds, name=name, watch=recorder)

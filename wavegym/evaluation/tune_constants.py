@@ -1,4 +1,4 @@
-"""The baselines of an environment: every heuristic tuned, a rule searched, planners swept; all on tuning worlds.
+"""The baselines of an environment: every heuristic tuned, a heuristic searched, planners swept; all on tuning worlds.
 
     python -m wavegym.evaluation.tune_constants ID ... --cpu-seconds 60 --sweep 300
 
@@ -139,7 +139,7 @@ def parser() -> Parser:
     """The options."""
     options = Parser(
         prog="python -m wavegym.evaluation.tune_constants",
-        description="Tune every rule, search one, sweep the planners, and record what was found.",
+        description="Tune every heuristic, search one, sweep the planners, and record what was found.",
     )
     options.add_argument("ids", nargs="+", metavar="ID", help="environments, such as CameraSlew-v0 or package:ID")
     options.add_argument("--worlds", type=int, default=WORLDS, help=f"tuning worlds (default: {WORLDS})")
@@ -185,7 +185,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for env_id, system in [(task.env_id, task.system) for task in (make_task(env_id, {}) for env_id in read.ids)]:
         name, worlds = record_key(system), draw_worlds(system, world_seeds(read.seed, "tune", read.worlds))
         before = table.get(name, {})
-        searched = [rule for rule in SEARCHED if not only or rule in only]
+        searched = [heuristic for heuristic in SEARCHED if not only or heuristic in only]
         limit = f"{search.evaluations} evaluations" if search.evaluations else f"{search.seconds:g} CPU seconds"
         if searched:
             print(
@@ -214,12 +214,14 @@ def _search(read: Any) -> Search:
 
 
 def _print_record(name: str, record: Mapping[str, Constants | Any], only: Sequence[str]) -> None:
-    for rule, spent in record.get("searches", {}).items():
-        if not only or rule in only:
+    for heuristic, spent in record.get("searches", {}).items():
+        if not only or heuristic in only:
             done = f"{spent['evaluations']} evaluations in {spent['cpu_seconds']:g} CPU seconds"
-            print(f"{name}: {rule} was found with {done}")
+            print(f"{name}: {heuristic} was found with {done}")
     ranking = sorted(record["costs"].items(), key=lambda item: item[1])
-    print(f"{name}: best simple is {record[SIMPLE]}; " + ", ".join(f"{rule} {cost:g}" for rule, cost in ranking))
+    print(
+        f"{name}: best-simple is {record[SIMPLE]}; " + ", ".join(f"{heuristic} {cost:g}" for heuristic, cost in ranking)
+    )
 
 
 def _print_sweep(name: str, rows: Sequence[Swept]) -> None:
@@ -231,7 +233,7 @@ def _print_sweep(name: str, rows: Sequence[Swept]) -> None:
         percent = 100.0 * float(np.expm1(row.log_ratio))
         within = "without a limit" if np.isinf(limit) else f"within {limit:g} ms"
         what = f"{row.setting.planner or 'no planner'}@{row.setting.base}" if row.setting.base else row.setting.planner
-        print(f"{name}: best {within}: {what} {percent:+.1f} % of the best simple rule's cost, {row.cpu_ms:.3g} ms")
+        print(f"{name}: best {within}: {what} {percent:+.1f} % of the best heuristic's cost, {row.cpu_ms:.3g} ms")
 
 
 def as_table(file: Path) -> dict[str, dict[str, Any]]:

@@ -1,7 +1,7 @@
 """A search for training settings with Optuna: ``wavegym train ENV --algo ALGO --tune N --out DIR``.
 
 Every trial trains with settings that the search proposes. Its score is the mean logarithm of its cost over the cost of
-the best simple heuristic on the same tuning worlds; test worlds are never used. DIR/trials.log keeps the trials: the
+the best heuristic on the same tuning worlds; test worlds are never used. DIR/trials.log keeps the trials: the
 same command continues an earlier search.
 """
 
@@ -29,7 +29,7 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import SIMPLE
 
 TRIALS, TABLE, BEST = "trials.log", "trials.csv", "best.toml"
-ROOT = 1  # of the worlds that score trials; heuristics are tuned on those of root 0
+SEED = 1  # of the worlds that score trials; heuristics are tuned on those of seed 0
 WORLDS = 200
 HEURISTIC_WORLDS = 50  # for a heuristic without recorded constants
 
@@ -61,8 +61,8 @@ def tune(
     algo: str,
     trials: int,
     seed: int,
-    changes: Mapping[str, Any],
-    environment: Mapping[str, Any],
+    chosen: Mapping[str, Any],
+    parameters: Mapping[str, Any],
     out: Path,
     jobs: int = 1,
 ) -> str:
@@ -73,8 +73,8 @@ def tune(
         algo: "ppo" or "dqn".
         trials: number of trials, earlier commands included.
         seed: of the search and of every training run.
-        changes: fixed settings, by name.
-        environment: parameters of the environment.
+        chosen: fixed settings, by name.
+        parameters: of the environment.
         out: folder of the results.
         jobs: trials at a time, through joblib. A search proposes them together, before it knows their scores, so
             another number searches otherwise; -1 is one for each core.
@@ -85,13 +85,13 @@ def tune(
     check_int("tune", trials, 1)
     if jobs != -1:
         check_int("jobs", jobs, 1)
-    load_settings(env_id, algo, changes, environment)  # report a mistake before the first training
-    experiment = _search(f"{env_id} {algo} {seed} {dict(changes)} {dict(environment)}", seed, out)
-    space = {name: values for name, values in SPACE[algo].items() if name not in changes}
+    load_settings(env_id, algo, chosen, parameters)  # report a mistake before the first training
+    experiment = _search(f"{env_id} {algo} {seed} {dict(chosen)} {dict(parameters)}", seed, out)
+    space = {name: values for name, values in SPACE[algo].items() if name not in chosen}
 
     def spec(trial: Any) -> RunSpec:
         proposed = {name: _proposed(trial, name, values) for name, values in space.items()}
-        return RunSpec(env_id, algo, seed, load_settings(env_id, algo, {**changes, **proposed}, environment))
+        return RunSpec(env_id, algo, seed, load_settings(env_id, algo, {**chosen, **proposed}, parameters))
 
     at_once = effective_n_jobs(jobs)
     left = trials - len([t for t in experiment.trials if t.state.is_finished()])
@@ -123,11 +123,11 @@ def _search(name: str, seed: int, out: Path) -> Any:
 
 
 def judge(spec: RunSpec) -> float:
-    """Train, and score: the mean logarithm of the cost over the best simple heuristic's on tuning worlds."""
+    """Train, and score: the mean logarithm of the cost over the best heuristic's on tuning worlds."""
     task = make_task(spec.env, dict(spec.settings.environment))
     tuning = draw_worlds(task.system, world_seeds(0, "tune", HEURISTIC_WORLDS))
     heuristic = make_policy(SIMPLE, task.system, tuning)
-    seeds = world_seeds(ROOT, "tune", WORLDS)
+    seeds = world_seeds(SEED, "tune", WORLDS)
     with tempfile.TemporaryDirectory() as folder:
         train(spec, Path(folder) / "run", spec.settings.steps, progress=False)
         (policy,) = load_policy(Path(folder) / "run", spec.env, task.system)

@@ -1,7 +1,7 @@
 """Imitation: the actor is pretrained on the actions of a scheduler, its teacher.
 
-The first round is behaviour cloning. In later rounds the learner acts and the teacher labels (DAgger: Ross, Gordon and
-Bagnell, 2011), so that the dataset holds the states that the learner visits. The labels of a rollout planner are the
+The first round is behaviour cloning. In later rounds the agent acts and the teacher labels (DAgger: Ross, Gordon and
+Bagnell, 2011), so that the dataset holds the states that the agent visits. The labels of a rollout planner are the
 advantages of all candidates, not only the best candidate: one step of policy iteration by regression (Lagoudakis and
 Parr, 2003). Two futures for each candidate are enough.
 """
@@ -38,7 +38,7 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
 from wavegym.schedulers.tuned_constants import record_key, records
 
-ROOT = word("lessons")  # frozen: it seeds the worlds of all trained agents
+BASE_SEED = word("lessons")  # frozen: it seeds the worlds of all trained agents
 TUNING = 200  # worlds on which a teacher's constants are tuned
 BATCH = 256
 ADVANTAGE_SCALE = 20.0  # logit of an advantage as large as the whole cost
@@ -51,7 +51,7 @@ RATE = 3e-3  # Adam's learning rate at the start; falls linearly to 0
 
 
 class Lessons(NamedTuple):
-    """What a learner is taught: the decisions of a round, or of all rounds so far."""
+    """What an agent is taught: the decisions of a round, or of all rounds so far."""
 
     observations: Array  # (decision, elements)
     labels: Array  # (decision, ...), see ``demonstrations``
@@ -60,7 +60,7 @@ class Lessons(NamedTuple):
 def pretrain(
     model: BaseAlgorithm, settings: Settings, systems: list[System], seed: int, parts: Parts | None = None
 ) -> None:
-    """Let the learner imitate ``settings.teacher``; its constants are recorded ones, or tuned on training worlds.
+    """Let the agent imitate ``settings.teacher``; its constants are recorded ones, or tuned on training worlds.
 
     Where the settings change parameters of the environment, a heuristic keeps the constants of the defaults: it is a
     first guide, and a search in every run would take longer than the learning.
@@ -72,7 +72,7 @@ def pretrain(
         seed: training seed.
         parts: where the lessons of each round are kept and looked for: they take most of the time.
     """
-    seeds = training_seeds(ROOT, seed, settings.teacher_episodes * settings.imitation_rounds)
+    seeds = training_seeds(BASE_SEED, seed, settings.teacher_episodes * settings.imitation_rounds)
     teacher = _teacher(settings, systems, seed)
     guide = teacher.futures.base if isinstance(teacher, RolloutPlanner) else teacher
     rounds: list[Lessons] = []
@@ -99,7 +99,9 @@ def _teacher(settings: Settings, systems: list[System], seed: int) -> Policy:
     constants = records().get(record_key(systems[0]), {}).get(settings.teacher)
     if (settings.environment or settings.variants) and constants is not None:
         return HEURISTICS[settings.teacher].make(**constants)
-    teacher = make_policy(settings.teacher, systems[0], draw_worlds(systems[0], training_seeds(ROOT, seed, TUNING)))
+    teacher = make_policy(
+        settings.teacher, systems[0], draw_worlds(systems[0], training_seeds(BASE_SEED, seed, TUNING))
+    )
     if isinstance(teacher, RolloutPlanner):
         teacher.futures.count = settings.teacher_futures
     return teacher

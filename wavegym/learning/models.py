@@ -28,7 +28,7 @@ from wavegym.learning.settings import PPOSettings, Settings
 from wavegym.learning.time_discount import TimedMaskableRolloutBuffer, TimedRolloutBuffer
 from wavegym.policies.runs import difference, signature
 
-ROOT = 0  # of the seeds of training worlds; test worlds differ from them for every root
+BASE_SEED = 0  # of training worlds; test worlds differ from them for every seed
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 # Settings that Stable-Baselines3 does not know.
 OURS = (
@@ -86,7 +86,7 @@ def build_model(spec: RunSpec) -> BaseAlgorithm:
         device="cpu",
         **own,
     )
-    env.seed(training_seeds(ROOT, spec.seed, settings.num_envs))
+    env.seed(training_seeds(BASE_SEED, spec.seed, settings.num_envs))
     return model
 
 
@@ -159,7 +159,7 @@ def try_out(spec: RunSpec) -> None:
     """
     settings = spec.settings
     env = _environments(spec, 1)
-    env.seed(training_seeds(ROOT, spec.seed, env.num_envs))
+    env.seed(training_seeds(BASE_SEED, spec.seed, env.num_envs))
     env.action_space.seed(0)
     try:
         env.reset()

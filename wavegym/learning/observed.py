@@ -12,7 +12,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.system import System
 from wavegym.evaluation import make_task, training_seeds
 from wavegym.evaluation.play import play
-from wavegym.learning.models import ROOT
+from wavegym.learning.models import BASE_SEED
 from wavegym.observations.forecasts import Forecasts
 from wavegym.policies.networks import LearnedPolicy, TrainingRange
 
@@ -39,7 +39,7 @@ def range_in_training(
         limit = parameters.pop("max_episode_steps", None)
         task = make_task(env_id, parameters)
         task = task if limit is None else replace(task, max_episode_steps=limit)
-        play(task, watched, training_seeds(ROOT, seed, count))
+        play(task, watched, training_seeds(BASE_SEED, seed, count))
     assert watched.range is not None
     return watched.range
 

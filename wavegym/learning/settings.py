@@ -1,4 +1,4 @@
-"""Training settings: settings.toml, checked and closed to unknown names, with changes from the command line."""
+"""Training settings: settings.toml, checked and closed to unknown names, and those of the command line."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from wavegym.registration import RECORDS, list_envs
 
 # Arguments of gymnasium.make_vec that are no parameters of a system, and the alternative here.
 SHELL = {
-    "num_envs": "--set num_envs=N",
-    "reward": "--set reward=NAME",
-    "forecasts": "--set forecasts=true",
+    "num_envs": "--setting num_envs=N",
+    "reward": "--setting reward=NAME",
+    "forecasts": "--setting forecasts=true",
     "measurements": "none: agents read no measurements from info",
     "observation": "none: agents observe the belief",
     "autoreset_mode": "none: training needs SameStep",
@@ -58,12 +58,12 @@ class Settings:
         gamma: discount factor; with 0 the agent learns a one-step scheduler.
         batch_size: transitions in a gradient step.
         max_grad_norm: bound of the gradient's norm.
-        teacher: the scheduler that the learner imitates before reinforcement learning; "" for none. The labels of a
+        teacher: the scheduler that the agent imitates before reinforcement learning; "" for none. The labels of a
             rollout planner ("rollout:H") are the advantages of all candidates. A heuristic has the constants recorded
             for the environment's defaults, also where ``environment`` changes its parameters.
         teacher_futures: sampled futures of each candidate, if the teacher is a rollout planner.
         teacher_episodes: labelled episodes in each round of imitation.
-        imitation_rounds: rounds of imitation. In all but the first the learner acts and the teacher labels (DAgger).
+        imitation_rounds: rounds of imitation. In all but the first the agent acts and the teacher labels (DAgger).
         query_every: query the teacher every N steps on average, and at each of the first N steps; between queries the
             teacher repeats its last action. More than 1 is only for a teacher without memory.
         imitation_epochs: passes over the dataset so far, after each round.
@@ -144,17 +144,17 @@ ALGORITHMS: dict[str, type[Settings]] = {"ppo": PPOSettings, "dqn": DQNSettings}
 def load_settings(
     env_id: str,
     algo: str,
-    changes: Mapping[str, Any] | None = None,
-    environment: Mapping[str, Any] | None = None,
+    chosen: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, Any] | None = None,
     file: Path = FILE,
 ) -> Settings:
-    """Settings of ``algo`` in ``env_id``: the algorithm's, the ``like`` table's, the environment's, then ``changes``.
+    """Settings of ``algo`` in ``env_id``: the algorithm's, the ``like`` table's, the environment's, then ``chosen``.
 
     Args:
         env_id: a registered id; without a table of its own it takes the settings of its registration.
         algo: "ppo" or "dqn".
-        changes: further settings by name.
-        environment: further parameters of the environment by name. They hold in all variants of the file.
+        chosen: further settings by name.
+        parameters: of the environment, further ones by name. They hold in all variants of the file.
         file: the settings file.
 
     Raises:
@@ -166,17 +166,17 @@ def load_settings(
     for name in registered:
         check_choice(f"algorithm in the settings of {env_id}", name, ALGORITHMS)
     own = dict(tables.get(env_id, registered).get(algo, {}))
-    layers = [tables.get(algo, {}), own, changes or {}]
+    layers = [tables.get(algo, {}), own, chosen or {}]
     if "like" in own:
         shared = check_choice(
             f"like in table {env_id!r} of {file.name}", own.pop("like"), tables.keys() - {*ALGORITHMS, env_id}
         )
         layers.insert(1, tables[shared].get(algo, {}))
     values = {key: value for layer in layers for key, value in layer.items()}
-    parameters = [layer.get("environment", {}) for layer in layers] + [environment or {}]
-    values["environment"] = {key: value for layer in parameters for key, value in layer.items()}
-    if "variants" not in (changes or {}):
-        values["variants"] = _without(values.get("variants", ()), {**parameters[-2], **parameters[-1]})
+    layered = [layer.get("environment", {}) for layer in layers] + [parameters or {}]
+    values["environment"] = {key: value for layer in layered for key, value in layer.items()}
+    if "variants" not in (chosen or {}):
+        values["variants"] = _without(values.get("variants", ()), {**layered[-2], **layered[-1]})
     settings = make_checked(ALGORITHMS[algo], values, source=" in the settings file")
     for name in SHELL.keys() & set().union(settings.environment, *settings.variants):
         raise InputError(f"{name!r} is no parameter of an environment's system, expected {SHELL[name]}")

@@ -242,7 +242,7 @@ MEANINGS = {  # of every name; a capital letter stands for a number or a name
     "constant-pace": "the greatest gain at a constant rate of spending",
     "clear-slot-price": "the greatest gain less a price of energy by the clear slots left",
     "cycle": "the best cycle of dwells that a search on tuning worlds finds",
-    "searched-rule": "a rule linear in forecasts, with searched weights",
+    "searched-rule": "a heuristic linear in forecasts, with searched weights",
     "round-robin-search": "for a time line: the oldest track and the next sector in turn",
     "earliest-deadline": "for a time line: the most overdue track, else a search",
     "van-keuk-blackman": "for a time line: a track with an uncertain azimuth, else a search",

@@ -54,14 +54,14 @@ def summarise(study: Study) -> dict[str, Any]:
     runs = len(study.runs[first].lost)
     asked = "both" if len(trackers) > 1 else next(iter(trackers))
     return {
-        "command": f"python -m research.papers agile_clutter --runs {runs} --tracker {asked} --seed {study.root}",
-        "seed": study.root,
+        "command": f"python -m research.papers agile_clutter --runs {runs} --tracker {asked} --seed {study.seed}",
+        "seed": study.seed,
         "runs": runs,
         "particles": scene(first).particles,
         "clutter_density": dict(CLUTTER),
         "versions": versions(),
         "convergence": {
-            str(count): {"runs": len(played.lost), **_errors(played, study.root)}
+            str(count): {"runs": len(played.lost), **_errors(played, study.seed)}
             for count, played in study.converged.items()
         },
         "trackers": trackers,
@@ -71,7 +71,7 @@ def summarise(study: Study) -> dict[str, Any]:
 def curve(study: Study, runs: Runs) -> list[Estimate]:
     """The squared error summed over targets, mean over kept runs: an estimate for each step."""
     summed = runs.summed[runs.kept]
-    return [mean_estimate(summed[:, k], study.root) for k in range(summed.shape[1])]
+    return [mean_estimate(summed[:, k], study.seed) for k in range(summed.shape[1])]
 
 
 def shares(runs: Runs, count: int) -> Array:
@@ -96,7 +96,7 @@ def kind(name: str) -> str:
 
 
 def _setting(study: Study, tracker: str, clutter: str) -> dict[str, Any]:
-    played, root = study.of(tracker, clutter), study.root
+    played, seed = study.of(tracker, clutter), study.seed
     full = played[FULL]
     summed = full.summed[full.kept]
     return {
@@ -105,74 +105,74 @@ def _setting(study: Study, tracker: str, clutter: str) -> dict[str, Any]:
             for case, (index, waveforms) in study.fixed.items()
             if case[:2] == (tracker, clutter)
         },
-        "policies": {name: _policy(runs, None if name == FULL else full, root) for name, runs in played.items()},
-        "best_free": _ratios(played[BEST_FREE], played[FREE], root),
-        "jump": ratio_estimates(summed[:, JUMP - 1], summed[:, JUMP - 2], root),
-        "drop": ratio_estimates(summed[:, DROP - 1], summed[:, DROP - 2], root),
-        "choices": {name: _choices(played[name], names(name), root) for name in (FULL, FREE)},
+        "policies": {name: _policy(runs, None if name == FULL else full, seed) for name, runs in played.items()},
+        "best_free": _ratios(played[BEST_FREE], played[FREE], seed),
+        "jump": ratio_estimates(summed[:, JUMP - 1], summed[:, JUMP - 2], seed),
+        "drop": ratio_estimates(summed[:, DROP - 1], summed[:, DROP - 2], seed),
+        "choices": {name: _choices(played[name], names(name), seed) for name in (FULL, FREE)},
     }
 
 
-def _policy(runs: Runs, full: Runs | None, root: int) -> dict[str, Any]:
+def _policy(runs: Runs, full: Runs | None, seed: int) -> dict[str, Any]:
     own = runs.kept
     return {
-        **_errors(runs, root),
-        "nees": plain(mean_estimate(np.nanmean(runs.nees[own], axis=(1, 2)), root)),
-        "predicted": plain(mean_estimate(runs.cost[own].sum(axis=1), root)),
-        "clutter": plain(mean_estimate(runs.clutter.mean(axis=1), root)),
-        "clutter_1": plain(mean_estimate(runs.clutter[:, 0], root)),
-        **({"ratio_kept": None, "ratio_all": None} if full is None else _ratios(runs, full, root)),
+        **_errors(runs, seed),
+        "nees": plain(mean_estimate(np.nanmean(runs.nees[own], axis=(1, 2)), seed)),
+        "predicted": plain(mean_estimate(runs.cost[own].sum(axis=1), seed)),
+        "clutter": plain(mean_estimate(runs.clutter.mean(axis=1), seed)),
+        "clutter_1": plain(mean_estimate(runs.clutter[:, 0], seed)),
+        **({"ratio_kept": None, "ratio_all": None} if full is None else _ratios(runs, full, seed)),
     }
 
 
-def _ratios(runs: Runs, others: Runs, root: int) -> dict[str, Any]:
+def _ratios(runs: Runs, others: Runs, seed: int) -> dict[str, Any]:
     total, reference, both = runs.summed.sum(axis=1), others.summed.sum(axis=1), runs.kept & others.kept
     return {
-        "ratio_kept": ratio_estimates(total[both], reference[both], root),
-        "ratio_all": ratio_estimates(total, reference, root),
+        "ratio_kept": ratio_estimates(total[both], reference[both], seed),
+        "ratio_all": ratio_estimates(total, reference, seed),
     }
 
 
-def _errors(runs: Runs, root: int) -> dict[str, Any]:
+def _errors(runs: Runs, seed: int) -> dict[str, Any]:
     total = runs.summed.sum(axis=1)
     return {
-        "kept": plain(share_estimate(runs.kept.astype(float), root)),
-        "mse_kept": _error(total[runs.kept], root),
-        "mse_all": _error(total, root),
+        "kept": plain(share_estimate(runs.kept.astype(float), seed)),
+        "mse_kept": _error(total[runs.kept], seed),
+        "mse_all": _error(total, seed),
     }
 
 
-def _choices(runs: Runs, offered: tuple[str, ...], root: int) -> dict[str, Any]:
+def _choices(runs: Runs, offered: tuple[str, ...], seed: int) -> dict[str, Any]:
     law = runs.law[runs.kept]
     kinds = tuple(dict.fromkeys(map(kind, offered)))
     of_kind = np.array([kinds.index(kind(name)) for name in offered])
     linear = law == offered.index("LFM")
     some = linear.any(axis=(1, 2))
     return {
-        "share": _windows(law, offered, root),
-        "kind": _windows(of_kind[law], kinds, root),
+        "share": _windows(law, offered, seed),
+        "kind": _windows(of_kind[law], kinds, seed),
         "linear": {
             "choices": int(linear.sum()),
             "of": linear.size,
             "runs": int(some.sum()),
             "kept": len(some),
-            "ci": plain(share_estimate(some.astype(float), root))["ci"],
+            "ci": plain(share_estimate(some.astype(float), seed))["ci"],
         },
         "typical": [[offered[j] if j >= 0 else "" for j in sensor] for sensor in typical(runs).T],
     }
 
 
-def _windows(law: Array, labels: tuple[str, ...], root: int) -> dict[str, dict[str, Any]]:
+def _windows(law: Array, labels: tuple[str, ...], seed: int) -> dict[str, dict[str, Any]]:
     """Share of each label by window of steps, from indices (run, k, sensor)."""
     return {
         window: {
-            label: plain(share_estimate((law[:, first - 1 : last] == index).mean(axis=(1, 2)), root))
+            label: plain(share_estimate((law[:, first - 1 : last] == index).mean(axis=(1, 2)), seed))
             for index, label in enumerate(labels)
         }
         for window, (first, last) in WINDOWS.items()
     }
 
 
-def _error(values: Array, root: int) -> dict[str, Any]:
+def _error(values: Array, seed: int) -> dict[str, Any]:
     median = statistics.median(values) if len(values) else None
-    return {**plain(mean_estimate(values, root)), "median": median, "runs": len(values)}
+    return {**plain(mean_estimate(values, seed)), "median": median, "runs": len(values)}

@@ -85,14 +85,14 @@ class Study:
     """All that was played.
 
     Attributes:
-        root: the seed of all worlds.
+        seed: of all worlds.
         runs: the runs of each policy, by case; axis 0 is the same world in all cases.
         fixed: for each case with a best constant its index and its waveforms, one a sensor.
         converged: the library's one-step scheduler in clutter by number of particles, on the first worlds; empty
             without a particle filter.
     """
 
-    root: int
+    seed: int
     runs: Mapping[Case, Runs]
     fixed: Mapping[Case, tuple[int, tuple[str, ...]]]
     converged: Mapping[int, Runs]
@@ -109,7 +109,7 @@ class Study:
 
 def play(
     runs: int,
-    root: int = 0,
+    seed: int = 0,
     jobs: int = -1,
     *,
     store: Path | None = None,
@@ -120,7 +120,7 @@ def play(
 
     Args:
         runs: Monte Carlo runs; the paper has 500.
-        root: the seed of the worlds and of the tuning worlds.
+        seed: of the worlds and of the tuning worlds.
         jobs: processes; -1 = one for each core.
         store: folder for partial results; the same call continues from them after an interruption.
         tracker: "jpda", "particle" or "both".
@@ -133,20 +133,20 @@ def play(
     check_int("tuning", tuning, 1)
     check_jobs(jobs)
     trackers = TRACKERS[:2] if check_choice("tracker", tracker, TRACKERS) == "both" else (tracker,)
-    seeds = world_seeds(root, TEST, runs)
+    seeds = world_seeds(seed, TEST, runs)
     settings = [(tracker, clutter) for tracker in trackers for clutter in CLUTTER]
     cases = [Case(*setting, policy) for setting in settings for policy in POLICIES]
     for case in cases:  # compiles the kernels once, not in several processes at the same time
-        _play(case, 0, world_seeds(root, TUNE, 1), steps=1)
+        _play(case, 0, world_seeds(seed, TUNE, 1), steps=1)
     memory = Memory(store, verbose=0)
-    fixed = _best_constants([case for case in cases if case.policy in CONSTANT], root, tuning, jobs, memory)
+    fixed = _best_constants([case for case in cases if case.policy in CONSTANT], seed, tuning, jobs, memory)
     counts = [Case("particle", "clutter", LIBRARY, count) for count in CONVERGENCE if "particle" in trackers]
     played = _all_runs(
         [(case, seeds) for case in cases] + [(case, seeds[:CONVERGENCE_RUNS]) for case in counts], fixed, jobs, memory
     )
     constants = {case: (index, _waveforms(case, index)) for case, index in fixed.items()}
     converged = {case.particles: played[case] for case in counts}
-    return Study(root, {case: played[case] for case in cases}, constants, converged)
+    return Study(seed, {case: played[case] for case in cases}, constants, converged)
 
 
 class CountingEverySensor(AgileClutter):
@@ -191,13 +191,13 @@ def _waveforms(case: Case, index: int) -> tuple[str, ...]:
     return tuple(system.action_set.library.labels[i] for i in shortcuts.constants(system)[index])
 
 
-def _best_constants(cases: Sequence[Case], root: int, tuning: int, jobs: int, memory: Memory) -> dict[Case, int]:
+def _best_constants(cases: Sequence[Case], seed: int, tuning: int, jobs: int, memory: Memory) -> dict[Case, int]:
     """The constant with the least predicted cost in each case; the first of equals.
 
     With JPDA every constant is tried. With the particle filter that would take hours, most of them in the clutter that
     short or linear chirps let into the gates: it tries only the ``SHORTLIST`` constants with the least cost under JPDA.
     """
-    seeds = world_seeds(root, TUNE, tuning)
+    seeds = world_seeds(seed, TUNE, tuning)
     cost = memory.cache(_cost)
     quick = {case: case._replace(tracker="jpda") for case in cases}
     every = [(case, k) for case in dict.fromkeys(quick.values()) for k in range(len(shortcuts.constants(scene(case))))]

@@ -40,10 +40,10 @@ def summarise(study: Study) -> dict[str, Any]:
         ``moving``, for closing and receding targets and each policy: ``duration`` and ``sweep``, of the first and the
         last fifth of the steps, {first, last}, each {mean, ci}, in s and Hz, the sweep without its sign.
     """
-    root, runs = study.root, len(next(iter(study.runs.values())).cost)
+    seed, runs = study.seed, len(next(iter(study.runs.values())).cost)
     return {
-        "command": f"python -m research.papers kershaw_evans --runs {runs} --seed {root}",
-        "seed": root,
+        "command": f"python -m research.papers kershaw_evans --runs {runs} --seed {seed}",
+        "seed": seed,
         "runs": runs,
         "versions": versions(),
         "scenes": {scene: _scene(study, scene) for scene in SCENES},
@@ -52,7 +52,7 @@ def summarise(study: Study) -> dict[str, Any]:
 
 def curve(study: Study, case: Case, field: str) -> list[Estimate]:
     """The mean of a field of ``Runs`` over runs, at each step."""
-    return [mean_estimate(column, study.root) for column in getattr(study.runs[case], field).T]
+    return [mean_estimate(column, study.seed) for column in getattr(study.runs[case], field).T]
 
 
 def _scene(study: Study, scene: str) -> dict[str, Any]:
@@ -66,26 +66,26 @@ def _scene(study: Study, scene: str) -> dict[str, Any]:
         "closed_forms": closed_forms(study, scene),
         "policies": {policy: _policy(study, scene, policy) for policy in POLICIES},
         "moving": {
-            targets: {policy: _moving(study.of(scene, policy, targets), study.root) for policy in MOVING}
+            targets: {policy: _moving(study.of(scene, policy, targets), study.seed) for policy in MOVING}
             for targets in (CLOSING, RECEDING)
         },
     }
 
 
 def _policy(study: Study, scene: str, policy: str) -> dict[str, Any]:
-    runs, root = study.of(scene, policy), study.root
+    runs, seed = study.of(scene, policy), study.seed
     cost, gate = (study.of(scene, name) for name in (GRID_TRACE, GRID_GATE))
     fields = ("cost", "gate", "squared_error", "nees")
-    found: dict[str, Any] = {name: plain(mean_estimate(getattr(runs, name).mean(axis=1), root)) for name in fields}
-    found["cost_ratio"] = _ratio(runs.cost, cost.cost, root)
-    found["gate_ratio"] = _ratio(runs.gate, gate.gate, root)
-    found["error_ratio"] = _ratio(runs.squared_error, cost.squared_error, root)
-    found["waveforms"] = plain(mean_estimate(_different(runs), root))
+    found: dict[str, Any] = {name: plain(mean_estimate(getattr(runs, name).mean(axis=1), seed)) for name in fields}
+    found["cost_ratio"] = _ratio(runs.cost, cost.cost, seed)
+    found["gate_ratio"] = _ratio(runs.gate, gate.gate, seed)
+    found["error_ratio"] = _ratio(runs.squared_error, cost.squared_error, seed)
+    found["waveforms"] = plain(mean_estimate(_different(runs), seed))
     return found
 
 
-def _ratio(values: Array, reference: Array, root: int) -> dict[str, Any]:
-    return ratio_estimates(values.mean(axis=1), reference.mean(axis=1), root)
+def _ratio(values: Array, reference: Array, seed: int) -> dict[str, Any]:
+    return ratio_estimates(values.mean(axis=1), reference.mean(axis=1), seed)
 
 
 def _different(runs: Runs) -> Array:
@@ -94,10 +94,10 @@ def _different(runs: Runs) -> Array:
     return np.array([len(np.unique(run, axis=0)) for run in pulses], np.float64)
 
 
-def _moving(runs: Runs, root: int) -> dict[str, Any]:
+def _moving(runs: Runs, seed: int) -> dict[str, Any]:
     fifth = max(1, runs.cost.shape[1] // 5)
     ends = {"first": slice(None, fifth), "last": slice(-fifth, None)}
     return {
-        name: {end: plain(mean_estimate(np.abs(values[:, steps]).mean(axis=1), root)) for end, steps in ends.items()}
+        name: {end: plain(mean_estimate(np.abs(values[:, steps]).mean(axis=1), seed)) for end, steps in ends.items()}
         for name, values in (("duration", runs.duration), ("sweep", runs.sweep))
     }

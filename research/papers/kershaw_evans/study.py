@@ -62,12 +62,12 @@ class Study:
     """All that was played.
 
     Attributes:
-        root: the seed of all worlds.
+        seed: of all worlds.
         runs: the runs of each case; axis 0 is the same world for all policies of a scene.
         best: the best fixed waveform of each scene, by its label.
     """
 
-    root: int
+    seed: int
     runs: Mapping[Case, Runs]
     best: Mapping[str, str]
 
@@ -81,12 +81,12 @@ def cases() -> list[Case]:
     return [Case(s, t, p) for s in SCENES for t in TARGETS for p in (POLICIES if t == DRAWN else MOVING)]
 
 
-def play(runs: int, root: int = 0, jobs: int = -1, *, store: Path | None = None) -> Study:
+def play(runs: int, seed: int = 0, jobs: int = -1, *, store: Path | None = None) -> Study:
     """Play every case; the result does not depend on ``jobs``.
 
     Args:
         runs: Monte Carlo runs of each case.
-        root: the seed of the worlds and of the tuning worlds.
+        seed: of the worlds and of the tuning worlds.
         jobs: processes; -1 = one for each core.
         store: folder for partial results; the same call continues from them after an interruption.
 
@@ -95,7 +95,7 @@ def play(runs: int, root: int = 0, jobs: int = -1, *, store: Path | None = None)
     """
     check_int("runs", runs, 1)
     check_jobs(jobs)
-    seeds, tune = world_seeds(root, TEST, runs), world_seeds(root, TUNE, TUNING_WORLDS)
+    seeds, tune = world_seeds(seed, TEST, runs), world_seeds(seed, TUNE, TUNING_WORLDS)
     for policy in (TRACE, GRID_TRACE):  # compiles the kernels once, not in several processes at the same time
         _play(Case(RATE, DRAWN, policy), 0, tune[:1])
     memory = Memory(store, verbose=0)
@@ -103,7 +103,7 @@ def play(runs: int, root: int = 0, jobs: int = -1, *, store: Path | None = None)
     part, listed = memory.cache(_play), cases()
     played = run_all(jobs, "playing", [delayed(part)(case, best[case.scene], seeds) for case in listed])
     labels = {scene: system(Case(scene, DRAWN, BEST)).action_set.library.labels[index] for scene, index in best.items()}
-    return Study(root, dict(zip(listed, played, strict=True)), labels)
+    return Study(seed, dict(zip(listed, played, strict=True)), labels)
 
 
 def system(case: Case) -> KershawEvans:

@@ -16,7 +16,7 @@ QUANTILES = (0.1, 0.5, 0.9)
 JUMP = 2.0  # by more than this factor
 
 
-def jumps(runs: Runs, start: int, root: int) -> dict[str, Any]:
+def jumps(runs: Runs, start: int, seed: int) -> dict[str, Any]:
     """The share of steps from ``start`` on at which a platform's PRF changes by more than ``JUMP``.
 
     Keys: ``mean`` and ``ci`` of a run's share over the steps of all its platforms; ``platforms``, a list of the same of
@@ -25,11 +25,11 @@ def jumps(runs: Runs, start: int, root: int) -> dict[str, Any]:
     prf = runs.settings[:, start:, :, PRF]
     change = np.maximum(prf[:, 1:] / prf[:, :-1], prf[:, :-1] / prf[:, 1:]) > JUMP
     share = change.mean(axis=1) if change.shape[1] else np.zeros((len(change), change.shape[2]))
-    each = [plain(share_estimate(column, root)) for column in share.T]
-    return {**plain(share_estimate(share.mean(axis=1), root)), "platforms": each}
+    each = [plain(share_estimate(column, seed)) for column in share.T]
+    return {**plain(share_estimate(share.mean(axis=1), seed)), "platforms": each}
 
 
-def agreement(runs: Runs, root: int) -> dict[str, Any]:
+def agreement(runs: Runs, seed: int) -> dict[str, Any]:
     """How often the paper's objective chooses the same settings for the same belief, platforms together.
 
     Keys: ``both`` (PRF and pixel angle of a platform), ``prf``, ``angle``; ``late``, both over the last half.
@@ -37,7 +37,7 @@ def agreement(runs: Runs, root: int) -> dict[str, Any]:
     same: Array = np.isclose(runs.settings, runs.rival, rtol=1e-9, atol=0.0)
     both, half = np.asarray(same.all(axis=-1)), same.shape[1] // 2
     shares = {"both": both, "prf": same[..., PRF], "angle": same[..., ANGLE], "late": both[:, half:]}
-    return {key: plain(share_estimate(of.mean(axis=(1, 2)), root)) for key, of in shares.items()}
+    return {key: plain(share_estimate(of.mean(axis=(1, 2)), seed)) for key, of in shares.items()}
 
 
 def quantiles(runs: Runs) -> Array:
@@ -45,7 +45,7 @@ def quantiles(runs: Runs) -> Array:
     return np.quantile(runs.settings, QUANTILES, axis=0)
 
 
-def adaptation(runs: Runs, loop: RfEo, marks: list[int], root: int) -> dict[str, Any]:
+def adaptation(runs: Runs, loop: RfEo, marks: list[int], seed: int) -> dict[str, Any]:
     """How settings follow the targets.
 
     Keys:
@@ -62,17 +62,17 @@ def adaptation(runs: Runs, loop: RfEo, marks: list[int], root: int) -> dict[str,
     return {
         "marks": marks,
         "angle": [[spread[:, k - 1, j].tolist() for k in marks] for j in range(angle.shape[2])],
-        "factor": _factors(angle, root),
-        "factor_late": _factors(angle[:, half:], root),
-        "finest": plain(share_estimate((late[:, 1] < late[:, 0]).astype(float), root)),
-        "second_over_first": ratio_estimates(late[:, 1], late[:, 0], root),
-        "narrower": plain(share_estimate(_narrower(runs, loop, half), root)),
+        "factor": _factors(angle, seed),
+        "factor_late": _factors(angle[:, half:], seed),
+        "finest": plain(share_estimate((late[:, 1] < late[:, 0]).astype(float), seed)),
+        "second_over_first": ratio_estimates(late[:, 1], late[:, 0], seed),
+        "narrower": plain(share_estimate(_narrower(runs, loop, half), seed)),
     }
 
 
-def _factors(angle: Array, root: int) -> list[dict[str, Any]]:
+def _factors(angle: Array, seed: int) -> list[dict[str, Any]]:
     """Greatest over smallest of each run, by platform."""
-    return [ratio_estimates(of.max(axis=1), of.min(axis=1), root) for of in np.moveaxis(angle, 2, 0)]
+    return [ratio_estimates(of.max(axis=1), of.min(axis=1), seed) for of in np.moveaxis(angle, 2, 0)]
 
 
 def _narrower(runs: Runs, loop: RfEo, start: int) -> Array:

@@ -61,8 +61,8 @@ def summarise(study: Study) -> dict[str, Any]:
     """
     count = len(next(iter(study.runs.values())).cost)
     return {
-        "command": f"python -m research.papers rf_eo --runs {count} --seed {study.root}",
-        "seed": study.root,
+        "command": f"python -m research.papers rf_eo --runs {count} --seed {study.seed}",
+        "seed": study.seed,
         "runs": count,
         "versions": versions(),
         "scenes": {scene: _scene(study, scene) for scene in SCENES},
@@ -72,7 +72,7 @@ def summarise(study: Study) -> dict[str, Any]:
 def curve(study: Study, scene: str, policy: str, target: int, steps: Array) -> list[Estimate]:
     """RMS position error of one target over runs, m, at ``steps`` (from 1): an estimate for each."""
     square = np.square(study.of(scene, policy).error[:, :, target])
-    found = [mean_estimate(square[:, k - 1], study.root) for k in steps]
+    found = [mean_estimate(square[:, k - 1], study.seed) for k in steps]
     root = [(e.value, e.ci) for e in found]
     return [
         Estimate(None if v is None else float(np.sqrt(v)), ci and (float(np.sqrt(ci[0])), float(np.sqrt(ci[1]))))
@@ -98,10 +98,10 @@ def _scene(study: Study, scene: str) -> dict[str, Any]:
         "lookahead": {str(H): _ahead(policies[f"lookahead:{H}"]) for H in DEPTHS},
         "penalties": {penalty: _penalty(study, scene, penalty) for penalty in PENALTIES},
         "adaptation": {
-            name: adaptation(study.of(scene, name), loop, marks(study.horizon(scene)), study.root)
+            name: adaptation(study.of(scene, name), loop, marks(study.horizon(scene)), study.seed)
             for name in (ADAPTIVE, INFORMATION)
         },
-        "agreement": agreement(adaptive, study.root),
+        "agreement": agreement(adaptive, study.seed),
     }
 
 
@@ -111,24 +111,24 @@ def marks(horizon: int) -> list[int]:
 
 
 def _policy(study: Study, scene: str, name: str) -> dict[str, Any]:
-    root, runs = study.root, study.of(scene, name)
+    seed, runs = study.seed, study.of(scene, name)
     adaptive, constant = study.of(scene, ADAPTIVE), study.of(scene, CONSTANT)
     half = runs.cost.shape[1] // 2
     decisions = max(1, runs.cost.shape[1] - 1)
     return {
-        "cost": _with_median(runs.mean_cost, root),
-        "over_tuned": ratio_estimates(runs.mean_cost, constant.mean_cost, root),
-        "over_myopic": ratio_estimates(runs.mean_cost, adaptive.mean_cost, root),
-        "rmse": _with_median(_rmse(runs.error), root),
-        "rmse_late": _with_median(_rmse(runs.error[:, half:]), root),
-        "late_over_myopic": ratio_estimates(_rmse(runs.error[:, half:]), _rmse(adaptive.error[:, half:]), root),
-        "windows": _windows(runs, adaptive, root),
-        "nees": _nees(runs, root),
-        "below_threshold": plain(share_estimate(runs.below.mean(axis=1), root)),
-        "missed_first": plain(share_estimate((runs.missed[:, 0] > 0).astype(float), root)),
-        "missed": plain(share_estimate((runs.missed > 0).mean(axis=1), root)),
-        "jumps": jumps(runs, 0, root),
-        "jumps_late": jumps(runs, half, root),
+        "cost": _with_median(runs.mean_cost, seed),
+        "over_tuned": ratio_estimates(runs.mean_cost, constant.mean_cost, seed),
+        "over_myopic": ratio_estimates(runs.mean_cost, adaptive.mean_cost, seed),
+        "rmse": _with_median(_rmse(runs.error), seed),
+        "rmse_late": _with_median(_rmse(runs.error[:, half:]), seed),
+        "late_over_myopic": ratio_estimates(_rmse(runs.error[:, half:]), _rmse(adaptive.error[:, half:]), seed),
+        "windows": _windows(runs, adaptive, seed),
+        "nees": _nees(runs, seed),
+        "below_threshold": plain(share_estimate(runs.below.mean(axis=1), seed)),
+        "missed_first": plain(share_estimate((runs.missed[:, 0] > 0).astype(float), seed)),
+        "missed": plain(share_estimate((runs.missed > 0).mean(axis=1), seed)),
+        "jumps": jumps(runs, 0, seed),
+        "jumps_late": jumps(runs, half, seed),
         "us_per_decision": float(1e6 * runs.seconds.mean() / decisions),
     }
 
@@ -138,11 +138,11 @@ def _rmse(error: Array) -> Array:
     return np.asarray(np.sqrt(np.square(error).mean(axis=(1, 2))))
 
 
-def _with_median(values: Array, root: int) -> dict[str, Any]:
-    return {**plain(mean_estimate(values, root)), "median": float(np.median(values))}
+def _with_median(values: Array, seed: int) -> dict[str, Any]:
+    return {**plain(mean_estimate(values, seed)), "median": float(np.median(values))}
 
 
-def _windows(runs: Runs, adaptive: Runs, root: int) -> list[dict[str, Any]]:
+def _windows(runs: Runs, adaptive: Runs, seed: int) -> list[dict[str, Any]]:
     """RMS error by part of the run; empty parts of a short one are left out."""
     edges = [round(part * runs.error.shape[1]) for part in PARTS]
     spans = [(a, b) for a, b in pairwise(edges) if a < b]
@@ -153,21 +153,21 @@ def _windows(runs: Runs, adaptive: Runs, root: int) -> list[dict[str, Any]]:
             {
                 "first": a + 1,
                 "last": b,
-                **plain(mean_estimate(own, root)),
-                "fall": None if before is None else ratio_estimates(own, before, root),
-                "over_myopic": ratio_estimates(own, other, root),
+                **plain(mean_estimate(own, seed)),
+                "fall": None if before is None else ratio_estimates(own, before, seed),
+                "over_myopic": ratio_estimates(own, other, seed),
             }
         )
         before = own
     return found
 
 
-def _nees(runs: Runs, root: int) -> dict[str, Any]:
+def _nees(runs: Runs, seed: int) -> dict[str, Any]:
     band = nees_bounds(runs.nees.shape[0] * runs.nees.shape[2], STATES)
     by_step = runs.nees.mean(axis=(0, 2))
     inside = (band[0] <= by_step) & (by_step <= band[1])
     return {
-        **plain(mean_estimate(runs.nees.mean(axis=(1, 2)), root)),
+        **plain(mean_estimate(runs.nees.mean(axis=(1, 2)), seed)),
         "first": float(by_step[0]),
         "band": [float(end) for end in band],
         "inside": float(inside.mean()),
@@ -188,7 +188,7 @@ def _ahead(policy: dict[str, Any]) -> dict[str, Any]:
 def _penalty(study: Study, scene: str, penalty: str) -> dict[str, Any]:
     own, logistic = study.of(scene, ADAPTIVE, penalty), study.of(scene, ADAPTIVE)
     return {
-        "cost": _with_median(own.mean_cost, study.root),
-        "over_logistic": ratio_estimates(own.mean_cost, logistic.mean_cost, study.root),
-        "missed": plain(share_estimate((own.missed > 0).mean(axis=1), study.root)),
+        "cost": _with_median(own.mean_cost, study.seed),
+        "over_logistic": ratio_estimates(own.mean_cost, logistic.mean_cost, study.seed),
+        "missed": plain(share_estimate((own.missed > 0).mean(axis=1), study.seed)),
     }

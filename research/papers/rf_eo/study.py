@@ -79,12 +79,12 @@ class Study:
     """All that was played.
 
     Attributes:
-        root: the seed of all worlds.
+        seed: of all worlds.
         runs: the runs of each policy, by case; axis 0 is the same world in all cases of a scene.
         tuned: settings (slot, platform, 3) of the tuned policies.
     """
 
-    root: int
+    seed: int
     runs: Mapping[Case, Runs]
     tuned: Mapping[Case, Array]
 
@@ -99,7 +99,7 @@ class Study:
 
 def play(
     runs: int,
-    root: int = 0,
+    seed: int = 0,
     jobs: int = -1,
     *,
     store: Path | None = None,
@@ -110,7 +110,7 @@ def play(
 
     Args:
         runs: Monte Carlo runs of each policy.
-        root: the seed of the worlds and of the tuning worlds.
+        seed: of the worlds and of the tuning worlds.
         jobs: processes; -1 = one for each core.
         store: folder for partial results; the same call continues from them after an interruption.
         tuning: worlds on which constants and cycles are tuned, none of them played afterwards.
@@ -123,16 +123,16 @@ def play(
     check_int("tuning", tuning, 1)
     check_jobs(jobs)
     check_int("horizon", horizon, 0)
-    seeds = world_seeds(root, TEST, runs)
+    seeds = world_seeds(seed, TEST, runs)
     cases = [Case(scene, policy, horizon=horizon) for scene in SCENES for policy in POLICIES[scene]]
     cases += [Case(scene, ADAPTIVE, penalty, horizon) for scene in SCENES for penalty in PENALTIES[1:]]
     for case in cases:  # compiles the kernels once, not in several processes at the same time
-        _play(case, None, world_seeds(root, TUNE, 1), steps=2)
+        _play(case, None, world_seeds(seed, TUNE, 1), steps=2)
     memory = Memory(store, verbose=0)
     tune, part = memory.cache(_tuned), memory.cache(_play)
     wanted, plain = ([case for case in cases if (case.policy in TUNED) == is_tuned] for is_tuned in (True, False))
     chunks = [seeds[start : start + CHUNK] for start in range(0, runs, CHUNK)]
-    work = [delayed(tune)(case, world_seeds(root, TUNE, tuning)) for case in wanted]
+    work = [delayed(tune)(case, world_seeds(seed, TUNE, tuning)) for case in wanted]
     work += [
         delayed(part)(case, None, chunk) for case in plain for chunk in chunks
     ]  # together with the tuning, which is long
@@ -142,7 +142,7 @@ def play(
     played = iter(done[len(wanted) :] + run_all(jobs, "playing tuned policies", work))
     parts = {case: [next(played) for _ in chunks] for case in (*plain, *wanted)}
     joined = {case: Runs(*(np.concatenate(a) for a in zip(*parts[case], strict=True))) for case in cases}
-    return Study(root, joined, {case: system(case).action_set.settings(slots) for case, slots in tuned.items()})
+    return Study(seed, joined, {case: system(case).action_set.settings(slots) for case, slots in tuned.items()})
 
 
 def system(case: Case) -> RfEo:

@@ -39,10 +39,10 @@ def write(study: Study, folder: Path) -> dict[str, Any]:
         OSError: the folder cannot be written or the disk is full; earlier files are then as they were.
     """
     pairs = [(setting, loop) for setting in SETTINGS for loop in NAMES]
-    confirmed = {pair: confirmed_curve(study.of(*pair), study.root) for pair in pairs}
-    errors = {pair: rmse_curve(study.of(*pair), study.root) for pair in pairs}
+    confirmed = {pair: confirmed_curve(study.of(*pair), study.seed) for pair in pairs}
+    errors = {pair: rmse_curve(study.of(*pair), study.seed) for pair in pairs}
     models: ModelCurves = {
-        (setting, target, name): probability(study.of(setting, CLOSED).mu, target, m, study.root)
+        (setting, target, name): probability(study.of(setting, CLOSED).mu, target, m, study.seed)
         for setting in SETTINGS
         for target in range(study.of(setting, CLOSED).mu.shape[2])
         for m, name in enumerate(MODELS)

@@ -36,12 +36,12 @@ def phases(loop: Urban, target: int) -> list[Phase]:
     return [phase for phase in found if phase.first < phase.last]
 
 
-def probability(mu: Array, target: int, model: int, root: int) -> list[Estimate]:
+def probability(mu: Array, target: int, model: int, seed: int) -> list[Estimate]:
     """Mean over the runs in which the target is held, at each scan; mu as in ``Runs``."""
-    return [mean_estimate(of[np.isfinite(of)], root) for of in mu[:, :, target, model].T]
+    return [mean_estimate(of[np.isfinite(of)], seed) for of in mu[:, :, target, model].T]
 
 
-def models(mu: Array, loop: Urban, root: int) -> list[list[dict[str, Any]]]:
+def models(mu: Array, loop: Urban, seed: int) -> list[list[dict[str, Any]]]:
     """The model probabilities of each target in each phase, from braking on.
 
     Keys:
@@ -51,12 +51,12 @@ def models(mu: Array, loop: Urban, root: int) -> list[list[dict[str, Any]]]:
         known_from: the scan from which the mean stays above ``LIMIT`` until the phase ends; None if there is none.
     """
     return [
-        [_phase(mu[:, :, target], phase, root) for phase in phases(loop, target) if phase.name in EXPECTED]
+        [_phase(mu[:, :, target], phase, seed) for phase in phases(loop, target) if phase.name in EXPECTED]
         for target in range(mu.shape[2])
     ]
 
 
-def _phase(mu: Array, phase: Phase, root: int) -> dict[str, Any]:
+def _phase(mu: Array, phase: Phase, seed: int) -> dict[str, Any]:
     own = MODELS.index(EXPECTED[phase.name])
     start = min(phase.first + GRACE, phase.last)
     window = mu[:, start - 1 : phase.last]  # index k - 1 holds scan k
@@ -73,9 +73,9 @@ def _phase(mu: Array, phase: Phase, root: int) -> dict[str, Any]:
         "first": start,
         "last": phase.last,
         "expected": MODELS[own],
-        "mean": {name: plain(mean_estimate(of, root)) for name, of in zip(MODELS, total.T, strict=True)},
+        "mean": {name: plain(mean_estimate(of, seed)) for name, of in zip(MODELS, total.T, strict=True)},
         "least": {
-            **plain(Estimate(None, None) if least is None else mean_estimate(least[np.isfinite(least)], root)),
+            **plain(Estimate(None, None) if least is None else mean_estimate(least[np.isfinite(least)], seed)),
             "scan": worst,
         },
         "known_from": phase.last - until + 1 if until else None,

@@ -26,7 +26,7 @@ def summarise(study: Study) -> dict[str, Any]:
         tracks with ghost logic over those without) and ``systems``: with and without ghost logic, by filter and policy,
         figures.
 
-        Of each: ``confirmed``, tracks at a scan; ``rmse`` {mean, ci}, root of the mean squared position error in m over
+        Of each: ``confirmed``, tracks at a scan; ``rmse`` {mean, ci}, seed of the mean squared position error in m over
         all runs, scans and targets held; ``held``, share of the targets' scans at which a confirmed track is within
         20 m; ``lost``, share of those seen at which none is; ``losses``, how often in a run a target that was held is
         not at the next scan; ``gospa``, m; ``false``, tracks at a scan with no target within 20 m; ``false_tracks``
@@ -41,8 +41,8 @@ def summarise(study: Study) -> dict[str, Any]:
     count, scans = closed.confirmed.shape
     scene = system(CASES[0]).scene
     return {
-        "command": f"python -m research.papers urban --runs {count} --seed {study.root}",
-        "seed": study.root,
+        "command": f"python -m research.papers urban --runs {count} --seed {study.seed}",
+        "seed": study.seed,
         "runs": count,
         "scans": scans,
         "versions": versions(),
@@ -65,19 +65,19 @@ def phase_of(summary: dict[str, Any], setting: str, phase: str) -> dict[str, Any
     return found
 
 
-def confirmed_curve(runs: Runs, root: int) -> list[Estimate]:
+def confirmed_curve(runs: Runs, seed: int) -> list[Estimate]:
     """Mean number of confirmed tracks at each scan."""
-    return [mean_estimate(column, root) for column in runs.confirmed.T]
+    return [mean_estimate(column, seed) for column in runs.confirmed.T]
 
 
-def rmse_curve(runs: Runs, root: int) -> list[Estimate]:
+def rmse_curve(runs: Runs, seed: int) -> list[Estimate]:
     """Root mean square position error of the targets held, m, at each scan; None where none is."""
     squares, counts = _squares(runs)
-    return [rms_estimate(square, count, root) for square, count in zip(squares.T, counts.T, strict=True)]
+    return [rms_estimate(square, count, seed) for square, count in zip(squares.T, counts.T, strict=True)]
 
 
 def _setting(study: Study, setting: str) -> dict[str, Any]:
-    root = study.root
+    seed = study.seed
     systems: dict[str, Any] = {name: {} for name in GHOSTS.values()}
     for case in CASES:
         if case.setting == setting:
@@ -88,11 +88,11 @@ def _setting(study: Study, setting: str) -> dict[str, Any]:
     }
     return {
         "vaguest": SETTINGS[setting],
-        "models": models(study.of(setting, CLOSED).mu, system(Case(setting, True, *CLOSED)), root),
+        "models": models(study.of(setting, CLOSED).mu, system(Case(setting, True, *CLOSED)), seed),
         "ghosts_over_none": {
             name: {
-                "held": ratio_estimates(_held(ours), _held(none), root),
-                "false_tracks": ratio_estimates(ours.origins.sum(axis=1), none.origins.sum(axis=1), root),
+                "held": ratio_estimates(_held(ours), _held(none), seed),
+                "false_tracks": ratio_estimates(ours.origins.sum(axis=1), none.origins.sum(axis=1), seed),
             }
             for name, (ours, none) in with_and_without.items()
         },
@@ -105,43 +105,43 @@ def _start(study: Study, start: str) -> dict[str, Any]:
     closed, opened = (study.of(start, loop) for loop in (CLOSED, OPEN))
     return {
         "vaguest": STARTS[start],
-        "over_open": _over(closed, opened, study.root),
-        "false_tracks": plain(mean_estimate(closed.origins.sum(axis=1), study.root)),
-        "false_tracks_open": plain(mean_estimate(opened.origins.sum(axis=1), study.root)),
+        "over_open": _over(closed, opened, study.seed),
+        "false_tracks": plain(mean_estimate(closed.origins.sum(axis=1), study.seed)),
+        "false_tracks_open": plain(mean_estimate(opened.origins.sum(axis=1), study.seed)),
     }
 
 
 def _figures(study: Study, case: Case) -> dict[str, Any]:
-    root, runs, loop = study.root, study.runs[case], system(case)
+    seed, runs, loop = study.seed, study.runs[case], system(case)
     there, seen = loop.scene.present[1:].sum(), loop.scene.direct[1:].sum()
     gone = runs.held[:, :-1] & ~runs.held[:, 1:]  # a target that is there stays
     is_long = runs.action // 2 == np.argmax(loop.durations)
     tracked = runs.tracked.sum(axis=1)
     return {
-        "confirmed": plain(mean_estimate(runs.confirmed.mean(axis=1), root)),
-        "rmse": plain(rms_estimate(*_totals(runs), root)),
-        "held": plain(share_estimate(_held(runs) / there, root)),
-        "lost": plain(share_estimate(runs.lost.sum(axis=(1, 2)) / seen, root)),
-        "losses": plain(mean_estimate(gone.sum(axis=(1, 2)), root)),
-        "gospa": plain(mean_estimate(runs.gospa.mean(axis=1), root)),
-        "false": plain(mean_estimate(runs.false.mean(axis=1), root)),
+        "confirmed": plain(mean_estimate(runs.confirmed.mean(axis=1), seed)),
+        "rmse": plain(rms_estimate(*_totals(runs), seed)),
+        "held": plain(share_estimate(_held(runs) / there, seed)),
+        "lost": plain(share_estimate(runs.lost.sum(axis=(1, 2)) / seen, seed)),
+        "losses": plain(mean_estimate(gone.sum(axis=(1, 2)), seed)),
+        "gospa": plain(mean_estimate(runs.gospa.mean(axis=1), seed)),
+        "false": plain(mean_estimate(runs.false.mean(axis=1), seed)),
         "false_tracks": {
-            **plain(mean_estimate(runs.origins.sum(axis=1), root)),
-            "origins": {name: plain(mean_estimate(of, root)) for name, of in zip(ORIGINS, runs.origins.T, strict=True)},
+            **plain(mean_estimate(runs.origins.sum(axis=1), seed)),
+            "origins": {name: plain(mean_estimate(of, seed)) for name, of in zip(ORIGINS, runs.origins.T, strict=True)},
         },
-        "long": plain(share_estimate((is_long & runs.tracked).sum(axis=1)[tracked > 0] / tracked[tracked > 0], root)),
-        "over_closed": _over(runs, study.of(case.setting, CLOSED, case.ghosts), root),
-        "over_open": _over(runs, study.of(case.setting, OPEN, case.ghosts), root),
+        "long": plain(share_estimate((is_long & runs.tracked).sum(axis=1)[tracked > 0] / tracked[tracked > 0], seed)),
+        "over_closed": _over(runs, study.of(case.setting, CLOSED, case.ghosts), seed),
+        "over_open": _over(runs, study.of(case.setting, OPEN, case.ghosts), seed),
     }
 
 
-def _over(runs: Runs, reference: Runs, root: int) -> dict[str, Any]:
+def _over(runs: Runs, reference: Runs, seed: int) -> dict[str, Any]:
     """Ratios to the reference on the same worlds."""
     return {
-        "confirmed": ratio_estimates(runs.confirmed.mean(axis=1), reference.confirmed.mean(axis=1), root),
-        "held": ratio_estimates(_held(runs), _held(reference), root),
-        "rmse": rms_ratio(_totals(runs), _totals(reference), root),
-        "gospa": ratio_estimates(runs.gospa.mean(axis=1), reference.gospa.mean(axis=1), root),
+        "confirmed": ratio_estimates(runs.confirmed.mean(axis=1), reference.confirmed.mean(axis=1), seed),
+        "held": ratio_estimates(_held(runs), _held(reference), seed),
+        "rmse": rms_ratio(_totals(runs), _totals(reference), seed),
+        "gospa": ratio_estimates(runs.gospa.mean(axis=1), reference.gospa.mean(axis=1), seed),
     }
 
 

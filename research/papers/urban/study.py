@@ -85,11 +85,11 @@ class Study:
     """All that was played.
 
     Attributes:
-        root: the seed of all worlds.
+        seed: of all worlds.
         runs: the runs of each case; axis 0 is the same world in all cases.
     """
 
-    root: int
+    seed: int
     runs: Mapping[Case, Runs]
 
     def of(self, setting: str, loop: tuple[str, str], ghosts: bool = True) -> Runs:
@@ -97,12 +97,12 @@ class Study:
         return self.runs[Case(setting, ghosts, *loop)]
 
 
-def play(runs: int, root: int = 0, jobs: int = -1, *, store: Path | None = None) -> Study:
+def play(runs: int, seed: int = 0, jobs: int = -1, *, store: Path | None = None) -> Study:
     """Play every case on the same worlds; the result does not depend on ``jobs``.
 
     Args:
         runs: Monte Carlo runs of each case.
-        root: the seed of the worlds.
+        seed: of the worlds.
         jobs: processes; -1 = one for each core.
         store: folder for partial results; the same call continues from them after an interruption.
 
@@ -111,14 +111,14 @@ def play(runs: int, root: int = 0, jobs: int = -1, *, store: Path | None = None)
     """
     check_int("runs", runs, 1)
     check_jobs(jobs)
-    seeds = world_seeds(root, TEST, runs)
+    seeds = world_seeds(seed, TEST, runs)
     for of in FILTERS:  # compiles the kernels once, not in several processes at the same time
-        _play(Case(STRICT, True, of, MYOPIC), world_seeds(root, TUNE, 1), scans=2)
+        _play(Case(STRICT, True, of, MYOPIC), world_seeds(seed, TUNE, 1), scans=2)
     chunks = [seeds[start : start + CHUNK] for start in range(0, runs, CHUNK)]
     part = Memory(store, verbose=0).cache(_play)
     played = iter(run_all(jobs, "playing", [delayed(part)(case, chunk) for case in CASES for chunk in chunks]))
     parts = {case: [next(played) for _ in chunks] for case in CASES}
-    return Study(root, {case: Runs(*map(np.concatenate, zip(*of, strict=True))) for case, of in parts.items()})
+    return Study(seed, {case: Runs(*map(np.concatenate, zip(*of, strict=True))) for case, of in parts.items()})
 
 
 @cache

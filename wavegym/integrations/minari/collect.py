@@ -63,7 +63,7 @@ def collect(
         would_choose: names of further policies.
         all_returns: whether to play every alternative of every step, for a single index as the action.
         seed: of the worlds, of exploration and of policies.
-        **parameters: settings of the environment.
+        **parameters: of the environment.
 
     Raises:
         InputError: a wrong argument, a dataset of that name in ``out``, or exploration in a box.

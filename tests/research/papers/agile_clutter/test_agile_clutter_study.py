@@ -250,7 +250,7 @@ def test_where_no_run_is_kept_there_are_no_numbers(study):
     [
         ({"runs": 0}, "runs is 0"),
         ({"jobs": 0}, "jobs is 0"),
-        ({"root": -1}, "seed is -1"),
+        ({"seed": -1}, "seed is -1"),
         ({"tuning": 0}, "tuning is 0"),
         ({"tracker": "kalman"}, "tracker is 'kalman'"),
     ],

@@ -96,7 +96,7 @@ def test_a_wrong_choice_shows(played):
     wrong = dict(played.runs)
     case = Case(POSITION, DRAWN, GATE)
     wrong[case] = wrong[case]._replace(duration=1.2 * wrong[case].duration)
-    found = closed_forms.closed_forms(study.Study(played.root, wrong, played.best), POSITION)
+    found = closed_forms.closed_forms(study.Study(played.seed, wrong, played.best), POSITION)
     assert found["gate_excess"]["mean"] > 1e-6
     assert found["proportion"]["mean"] > 1e-3
 

@@ -109,7 +109,7 @@ def test_tracks_are_lost_later_if_the_last_interval_is_above_the_first(summary, 
 
 def test_a_single_run_has_no_interval_and_no_verdict(rf_eo_study):
     one = {case: Runs(*(array[:1] for array in runs)) for case, runs in rf_eo_study.runs.items()}
-    summary = summarise(Study(rf_eo_study.root, one, rf_eo_study.tuned))
+    summary = summarise(Study(rf_eo_study.seed, one, rf_eo_study.tuned))
     assert summary["scenes"][PUBLISHED]["policies"][ADAPTIVE]["cost"]["ci"] is None
     rows = check_claims(summary)
     order = "The fixed settings have a larger RMSE"

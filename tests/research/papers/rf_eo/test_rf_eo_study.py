@@ -209,7 +209,7 @@ def test_shares_of_runs_have_exact_intervals(rf_eo_study, rf_eo_summary):
     [
         ({"runs": 0}, "runs is 0"),
         ({"jobs": 0}, "jobs is 0"),
-        ({"root": -1}, "seed is -1"),
+        ({"seed": -1}, "seed is -1"),
         ({"tuning": 0}, "tuning is 0"),
         ({"horizon": -1}, "horizon is -1"),
     ],

@@ -121,7 +121,7 @@ def test_the_gain_is_larger_with_strict_starts(summary, last, verdict):
 
 def test_a_single_run_has_no_interval_and_no_verdict(urban_study):
     one = {case: Runs(*(array[:1] for array in runs)) for case, runs in urban_study.runs.items()}
-    summary = summarise(Study(urban_study.root, one))
+    summary = summarise(Study(urban_study.seed, one))
     assert figures_of(summary, LOOSE, CLOSED)["rmse"]["ci"] is None
     rows = check_claims(summary)
     assert verdict_on(rows, "The closed loop has less RMS error", LOOSE) == "undecided"

@@ -232,7 +232,7 @@ def test_shares_of_all_scans_have_exact_intervals(urban_summary):
 
 @pytest.mark.parametrize(
     ("settings", "words"),
-    [({"runs": 0}, "runs is 0"), ({"jobs": 0}, "jobs is 0"), ({"root": -1}, "seed is -1")],
+    [({"runs": 0}, "runs is 0"), ({"jobs": 0}, "jobs is 0"), ({"seed": -1}, "seed is -1")],
 )
 def test_mistakes_are_found_before_any_run(monkeypatch, settings, words):
     monkeypatch.setattr(urban, "_play", None)
