@@ -262,12 +262,12 @@ def test_compare_warns_of_an_agent_in_worlds_unlike_its_training() -> None:
         compared = compare(ID, {"ppo": None}, worlds=20, jobs=1, progress=False, start_range=(900e3, 950e3))
     (text,) = (str(warning.message) for warning in caught if "observations" in str(warning.message))
     assert text == "policy 'ppo' takes 100% of its decisions on observations outside the range of its training"
-    assert compared.account("ppo").outside.mean() > 0.99
-    assert np.isnan(compared.account("myopic").outside).all(), "a scheduler has no training"
+    assert compared.results("ppo").outside.mean() > 0.99
+    assert np.isnan(compared.results("myopic").outside).all(), "a scheduler has no training"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         compared = compare(ID, {"ppo": None}, worlds=20, jobs=1, progress=False)
-    assert (compared.account("ppo").outside < 0.1).all()
+    assert (compared.results("ppo").outside < 0.1).all()
 
 
 def test_runs_without_a_record_play_and_a_broken_one_is_one_line(unbroken: dict[str, Path], tmp_path: Path) -> None:
