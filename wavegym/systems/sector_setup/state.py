@@ -102,7 +102,7 @@ def sector_fields(
         targets: their number.
         receivers: their number.
         dead_steps: of a set-up.
-        foretold: whether visibility is a probability, in place of known times.
+        foretold: whether the fields give the probability of visibility, in place of known times.
     """
     is_visible, passes, share = (
         ("probability that target {} is visible", "probability passes 1/2", "mean probability, over the next {} steps,")
