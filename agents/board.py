@@ -1,6 +1,7 @@
 """The board of a release: ``python -m agents.board``.
 
-Each release of the suite has a root of its own, which ``--release`` draws: nobody could train or tune on its worlds.
+Each release of the suite has its own root, which ``--release`` draws. Its worlds are unknown before the release, so
+nothing can be trained or tuned on them.
 ``--play`` plays the suite's own agents as submissions; those of others are played with ``wavegym submit FOLDER --seed
 ROOT --out results/board/RELEASE``. All records of the latest release make the tables and the picture of docs/board.md.
 """

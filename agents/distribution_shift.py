@@ -184,7 +184,7 @@ def _share(outside: float | None) -> str:
 
 
 def _orders(results: dict[str, dict[str, Any]], half: str) -> str:
-    """The changed environments in which two policies have one order by belief and the other by truth."""
+    """The changed environments in which belief and truth rank two policies differently."""
     told = {f"{env}, {shift}": found["reversals"] for env, shift, found in _played(results, half)}
     return blocks.order_list(told)
 

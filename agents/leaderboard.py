@@ -221,7 +221,7 @@ def foresight(e: Entry) -> str:
 
 
 def orders(entries: Sequence[Entry]) -> str:
-    """The environments in which two policies have one order by belief and the other by truth."""
+    """The environments in which belief and truth rank two policies differently."""
     return blocks.order_list({_short(e): reversals(e.accounts, SEED) for e in entries})
 
 

@@ -33,7 +33,7 @@ def test_a_pair_with_two_orders_is_named():
     assert pair["belief"] == pytest.approx(25.0, abs=4.0)
     assert pair["truth"] == pytest.approx(-23.1, abs=4.0)
     text = order_sentence([pair])
-    assert text.startswith("The order by belief is not the order by truth: honest against flattered +2")
+    assert text.startswith("Belief and truth rank these policies differently: honest against flattered +2")
     assert text.endswith(" % by truth.")
 
 
@@ -44,7 +44,7 @@ def test_a_difference_within_the_noise_is_not_named():
     # Both intervals of one of 28 pairs would exclude 0, on opposite sides, in one such comparison of thirty.
     assert reversals(alike, 0) == []
     assert reversals({"honest": account(1.0, 1.0), "same": account(0.8, 1.0), "also": account(1.0, 1.4)}, 0) == []
-    assert order_sentence([]).startswith("No two policies")
+    assert order_sentence([]).startswith("Wherever both differences are significant")
 
 
 def test_policies_that_played_alike_are_named_once():

@@ -77,16 +77,16 @@ def consistency_title(dimension: int | None) -> str:
 
 
 def order_sentence(reversals: Sequence[Mapping[str, Any]]) -> str:
-    """What a report says of the pairs found by ``consistency.reversals``, but for what rounds to 0."""
+    """A sentence on the pairs found by ``consistency.reversals``, without those that round to 0."""
     reversals = [pair for pair in reversals if "0" not in (signed(pair["belief"]), signed(pair["truth"]))]
     if not reversals:
-        return "No two policies are established to have one order by belief and the other by truth."
+        return "Wherever both differences are significant, belief and truth rank the policies alike."
     listed = [
         f"{pair['policy']} against {pair['reference']} {signed(pair['belief'])} % by belief and "
         f"{signed(pair['truth'])} % by truth"
         for pair in reversals
     ]
-    return f"The order by belief is not the order by truth: {'; '.join(listed)}."
+    return f"Belief and truth rank these policies differently: {'; '.join(listed)}."
 
 
 def aligned(columns: list[list[str]]) -> str:
