@@ -23,7 +23,7 @@ class World(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What no scheduler sees."""
+    """The part of the state that no scheduler sees."""
 
     targets: Array  # (env, target, 4)
     received: Array  # (env, target) int: measured quantities of the last step
