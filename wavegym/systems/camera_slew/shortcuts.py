@@ -82,7 +82,7 @@ def measured_fields(system: CameraSlew) -> MeasuredFields:
         received_values,
         (
             ObservationField("pointing", "rad", 0.0, 1.8, "azimuth to which the camera points"),
-            ObservationField("settling", "1", 0.5, 1.0, "steps to settle that are left after the camera's turn"),
+            ObservationField("settling", "1", 0.5, 1.0, "remaining steps to settle after the camera's turn"),
         ),
         _camera,
     )

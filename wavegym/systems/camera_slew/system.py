@@ -164,7 +164,7 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
     nees_dimension = 4  # position and velocity
 
     def __post_init__(self) -> None:
-        """Check what single fields cannot say."""
+        """Check several fields together."""
         for name in ("sector", "ranges", "q"):
             check_ordered(name, *getattr(self, name))
         window_draws(self.horizon, self.shown, self.hidden)
