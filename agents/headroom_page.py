@@ -74,7 +74,7 @@ def overview(results: list[dict[str, Any]]) -> str:
     measured = [result for result in results if result["nees_dimension"]]
     if not measured:
         return costs_and_errors
-    title = "Mean NEES, flagged where its interval is over a tenth off, and true over believed squared error"
+    title = "Mean NEES, flagged if its interval deviates by over a tenth, and ratio of true to believed squared error"
     return f"{costs_and_errors}\n\n{title}:\n\n{_consistency(measured)}"
 
 

@@ -49,16 +49,16 @@ TIMED = 300  # decisions of one environment
 QUANTILE = 0.99  # of the chi-squared distribution
 BOUND_TARGETS = 720  # at most so many paths in one lower bound
 PLANNED_LOAD, PLANNED_WORLDS, PLANNED_SECONDS = 16, 12, 6.0
-PLANNERS = ((1, 2), (2, 8), (8, 16))  # futures and dwells that are tried: about .7, 5 and 50 ms
+PLANNERS = ((1, 2), (2, 8), (8, 16))  # futures and dwells that are tried: about 0.7, 5 and 50 ms
 PLANNED_DECISIONS = 50
 SHIFTED_LOAD, SHIFTED_HEURISTICS = 16, (SIMPLE, "van-keuk-blackman", BASE)
 SHIFTS: dict[str, dict[str, Any]] = {
-    "beam of .7 deg": {"beam_width": 0.7},
+    "beam of 0.7 deg": {"beam_width": 0.7},
     "beam of 2 deg": {"beam_width": 2.0},
     "half the energy": {"reference_range": 60e3 * 0.5**0.25},
     "4, 12, 40 or 120 pulses": {"pulses": (4, 12, 40, 120)},
     "manoeuvres of 4 times the density": {"density": (10.0, 8000.0)},
-    "manoeuvres that last .5 s": {"leave": (0.5, 2.0)},
+    "manoeuvres that last 0.5 s": {"leave": (0.5, 2.0)},
 }
 
 

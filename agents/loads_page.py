@@ -80,7 +80,7 @@ def table(results: Mapping[str, Any]) -> str:
         "truth",
         "95 %",
         "NEES",
-        "beyond .99",
+        "beyond 0.99",
         "lost",
         "false",
         "confirm s",

@@ -117,7 +117,7 @@ def test_the_parameter_table_has_every_parameter_with_a_meaning(id):
 
 
 def test_sections_come_from_the_class_or_else_from_its_base():
-    assert summary(KershawEvansPosition).startswith("Kershaw & Evans's loop with a target that manoeuvres")
+    assert summary(KershawEvansPosition).startswith("Kershaw & Evans's loop with a manoeuvring target")
     assert "position-only cost" in section(KershawEvansPosition, "Description")
     assert section(KershawEvansPosition, "Episode end") == section(KershawEvans, "Episode end") != ""
     assert section(KershawEvans, "No such heading") == ""

@@ -101,7 +101,7 @@ class PerSensorLibrary(_AtEverySensor):
 class JointLibrary(_AtEverySensor):
     """Every combination of a library's waveforms at several sensors, as one finite set; an action is one index.
 
-    For few waveforms: their number is raised to the power ``sensors``.
+    For few waveforms: the number of actions is their number to the power ``sensors``.
     """
 
     def __len__(self) -> int:

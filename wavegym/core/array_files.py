@@ -61,15 +61,15 @@ def pack_arrays(arrays: dict[str, Array]) -> bytes:
 def unpack_arrays(content: bytes, limit: int = LIMIT) -> dict[str, Array]:
     """The arrays of an npz file, fresh.
 
-    ``np.load`` makes an array as large as a header says before it reads it, and unpacks whatever a member expands to.
-    Here sizes are checked first.
+    ``np.load`` allocates an array of the size in its header before it reads it, and does not limit decompression.
+    This function checks the sizes first.
 
     Args:
         content: of the file.
         limit: bytes that the arrays may take together.
 
     Raises:
-        ValueError: no npz file, one with pickled objects, torn, or too large.
+        ValueError: not a npz file, or one that is torn, too large or has pickled objects.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:

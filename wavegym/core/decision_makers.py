@@ -27,7 +27,7 @@ def makers_by_form(actions: ActionSet, kind: str = "sensor") -> tuple[DecisionMa
 
     Args:
         actions: the action set.
-        kind: what the decision makers are; with ``"platform"`` they are called platform_1, platform_2 and so on.
+        kind: prefix of their names: ``"platform"`` gives platform_1, platform_2 and so on.
     """
     owned = _numbered(actions) if isinstance(actions, ParameterBox) else [()] * sensor_count(actions)
     return tuple(DecisionMaker(f"{kind}_{i}", parameters=names) for i, names in enumerate(owned, 1))

@@ -15,9 +15,8 @@ class InputError(ValueError):
 class UnexpectedKeywordError(InputError, TypeError):
     """A keyword that nobody takes: a user's mistake, and the TypeError that Python raises for one.
 
-    Other libraries try keywords out and expect "unexpected keyword argument 'name'" in the message. Gymnasium's
-    ``make`` raises a TypeError of the environment once more, with all arguments behind the message; they are left out
-    here.
+    Some libraries try keywords and expect "unexpected keyword argument 'name'" in the message. Gymnasium's
+    ``make`` raises a TypeError of the environment again and appends all arguments; this error omits them.
     """
 
     def __init__(self, message: str) -> None:

@@ -41,7 +41,7 @@ def parameter(default: Any, description: str, *, unit: str = "1", truth: bool = 
         default: the default value.
         description: the meaning; one line of the parameter table on the environment's page.
         unit: such as ``"s"``; ``"1"`` for a pure number, ``""`` for a value that is not a number.
-        truth: whether the world may differ in it from what the tracker assumes (``System.truth``).
+        truth: whether its value in the world may differ from the tracker's assumption (``System.truth``).
         **bounds: as pydantic's ``Field`` takes them: ``gt``, ``ge``, ``lt``, ``le``, ``min_length``, ...
     """
     return Field(default, description=description, json_schema_extra={"unit": unit, "truth": truth}, **bounds)
@@ -78,7 +78,7 @@ class ParameterInfo(NamedTuple):
     name: str
     unit: str
     description: str
-    truth: bool  # whether the world may differ in it from what the tracker assumes
+    truth: bool  # whether its value in the world may differ from the tracker's assumption
 
 
 def parameter_infos(made: type) -> list[ParameterInfo]:

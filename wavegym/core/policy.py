@@ -21,8 +21,8 @@ class Policy(Protocol):
         """Actions (env, ...).
 
         Args:
-            belief: the belief; a scheduler reads this.
-            observation: scaled observations (env, fields); a learned policy reads this. None without an environment.
+            belief: the belief, for schedulers.
+            observation: scaled observations (env, fields), for learned policies. None without an environment.
             mask: allowed actions (env, actions), or None where every action is allowed.
         """
 

@@ -38,8 +38,7 @@ class Registry(Generic[Part]):
         """Add a part.
 
         Raises:
-            InputError: the name is taken or has characters other than letters, digits, '-', '_' and '.'; or the part
-                is unfit.
+            InputError: a taken or invalid name, or an unfit part.
         """
         if not isinstance(name, str) or not NAME.fullmatch(name):
             wanted = "a letter, then letters, digits, '-', '_' or '.'"

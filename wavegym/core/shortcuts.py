@@ -1,15 +1,15 @@
 """Shortcuts: what schedulers can do faster, or further, in some systems; registered for pairs, not inherited.
 
-A kind of shortcut is declared once, as a function whose docstring says what it returns. The folder of a system
-registers how its systems do it, in the manner of ``functools.singledispatch``, and so may anybody, for any system::
+A kind of shortcut is declared once, as a function whose docstring describes the result. The folder of a system
+registers its implementations, as with ``functools.singledispatch``. Anybody may register one for any system::
 
     @shortcuts.best_action.register(MySystem)
     def best_action(system, belief): ...
 
-A scheduler asks ``search = best_action.of(system)``, a function of the other arguments, or None; or it calls
-``best_action(system, belief)``. A shortcut replaces results of generic functions of the contract. It is void in a
-subclass that overrides one of them: a new ``cost`` never meets a search for the old cost. A shortcut that replaces
-nothing tells what the contract does not.
+A scheduler calls ``search = best_action.of(system)``, which returns a function of the other arguments, or None; or it
+calls ``best_action(system, belief)``. A shortcut replaces results of generic functions of the contract. It is void in a
+subclass that overrides one of them: a new ``cost`` is never used with a search for the old cost. A shortcut that
+replaces nothing adds information to the contract.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class Shortcut(Generic[P, R]):
 
     Attributes:
         name: its name, that of the function which declares it.
-        replaces: names of functions of the contract, or of other shortcuts, with whose results it must agree.
-        generic: what a call does in systems that do not have it, or None.
+        replaces: names of the functions of the contract, or other shortcuts, whose results it must reproduce.
+        generic: the implementation for systems that do not have it, or None.
     """
 
     def __init__(self, declared: Callable[P, R], replaces: tuple[str, ...], has_generic: bool) -> None:
@@ -133,7 +133,7 @@ def shortcut(*replaces: str, generic: bool = False) -> Callable[[Callable[P, R]]
 
     Args:
         replaces: names of the functions of the contract whose results it replaces.
-        generic: whether the function itself is the way for all other systems.
+        generic: whether the function itself is the implementation for all other systems.
     """
     return lambda declared: Shortcut(declared, replaces, generic)
 
@@ -177,10 +177,10 @@ def plan(system: Any, belief: Any, depth: int) -> tuple[Array, Array]:  # type: 
 
 @shortcut("transition", "fused_transition", "move", "measure", "track", "cost", "candidates")
 def deterministic_recursion(system: Any, world: Any) -> Recursion:  # type: ignore[empty-body]
-    """The recursion of whole episodes, axis 0 = world, of a covariance that depends on nothing but the actions.
+    """The recursion of whole episodes, axis 0 = world, of a covariance that depends on the actions alone.
 
-    Finite-horizon optima can be computed from it. Raises NotImplementedError where the parameters make it depend on
-    more.
+    Finite-horizon optima can be computed from it. Raises NotImplementedError if the parameters make the covariance
+    depend on more than the actions.
     """
 
 
@@ -191,7 +191,7 @@ def linear_cost(system: Any) -> LinearCost:  # type: ignore[empty-body]
 
 @shortcut("predict", "cost")
 def gain(system: Any, belief: Any, wait: Array | int, ahead: Any) -> Array:  # type: ignore[empty-body]
-    """What a candidate's pulse takes off the summed cost of the ``ahead`` steps from it on, (env, candidate).
+    """The reduction by a candidate's pulse of the summed cost over ``ahead`` steps from the pulse on, (env, candidate).
 
     Args:
         system: the closed loop.
@@ -214,17 +214,16 @@ def delay(system: Any, belief: Any) -> Array:
 
 @shortcut()
 def spending(system: Any) -> Array:  # type: ignore[empty-body]
-    """What each candidate takes from an account, (candidate,): the field ``energy`` (env,) of the belief."""
+    """The spending of each candidate from the account in the belief's field ``energy`` (env,), (candidate,)."""
 
 
 @shortcut("predict", "cost")
 def gain_per_second(system: Any, belief: Any, *args: Any) -> Array:  # type: ignore[empty-body]
-    """What each candidate's step takes off the cost of the time after it, over its duration, (env, candidate).
+    """The reduction of the later cost by each candidate's step, per second of its duration, (env, candidate).
 
-    The one-step scheduler takes the candidate of the greatest, as costs of steps of different lengths cannot be
-    compared. With ``TrackSlots`` the further arguments are ``ahead``, the seconds that count after an update (several
-    make a last axis), and ``worth``, that of a target which a search finds, as a number of seconds in which it would be
-    charged in full.
+    The one-step scheduler takes the candidate with the greatest gain, because costs of steps of different lengths are
+    not comparable. With ``TrackSlots`` the further arguments are ``ahead``, the seconds that count after an update
+    (several make a last axis), and ``worth``, the value of a target that a search finds, in seconds of its full cost.
     """
 
 
@@ -248,9 +247,9 @@ def simulate(  # type: ignore[empty-body]
         system: the closed loop.
         belief: axis 0 = environment.
         actions: the candidates, (env, candidate).
-        rule: what the futures go on with.
+        rule: chooses the later dwells of the futures.
         seconds: length of the futures.
-        futures: drawn for each candidate; the same draws for all, and others at each step of an episode.
+        futures: number of futures; all candidates have the same draws, which differ between steps.
     """
 
 
@@ -258,7 +257,7 @@ def simulate(  # type: ignore[empty-body]
 def most_information(  # type: ignore[empty-body]
     system: Any, belief: Any, threshold: float | None = None
 ) -> tuple[Array, Array]:
-    """Actions of the most information of which every target has the threshold, and where there are any, (env,) bool.
+    """Actions of the most information that reach the threshold for every target, and whether there are any, (env,).
 
     The system has the attribute ``threshold``, taken for None, and the function ``information(belief, actions)``: the
     weighted information of each target, (env[, candidate], target); the threshold for one that is absent.
@@ -272,7 +271,7 @@ def innovation_covariance(system: Any, belief: Any, actions: Array) -> Array:  #
 
 @shortcut("predict", "cost")
 def next_pulse(system: Any, belief: Any) -> tuple[Array, Array]:  # type: ignore[empty-body]
-    """What the next pulse meets in Kershaw and Evans's loop: predicted covariance (env, n, n) and eta (env,).
+    """Predicted covariance (env, n, n) and eta (env,) at the next pulse, in Kershaw and Evans's loop.
 
     The system has the attributes ``weights``, ``carrier_hz`` and ``eclipsing``.
     """
@@ -311,9 +310,9 @@ class MeasuredFields(NamedTuple):
 
     Attributes:
         fields: the ``ObservationField`` of each column of ``values``.
-        values: from what ``measure`` reported to (env, fields); a field of what was not received has its centre.
+        values: from the result of ``measure`` to (env, fields); a field that was not received has its centre.
         setting_fields: the ``ObservationField`` of each column of ``settings``.
-        settings: from the belief to the sensors' own settings, which they know without a tracker, (env, fields).
+        settings: from the belief to the sensors' settings, which need no tracker, (env, fields).
     """
 
     fields: tuple[Any, ...]
@@ -342,8 +341,8 @@ def constants(system: Any) -> Array:
 def named_constants(system: Any) -> dict[str, Array]:
     """Named constant actions, such as a paper's own setting; ``fixed:NAME`` transmits one. By default none.
 
-    They need not be among ``constants``. A name has no comma, which separates policies, and is no integer, which
-    ``fixed:K`` takes for an index.
+    They need not be among ``constants``. A name has no comma, which separates policies, and is not an integer, which
+    is an index in ``fixed:K``.
     """
     return {}
 

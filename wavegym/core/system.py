@@ -1,7 +1,7 @@
 """The contract between a closed loop (waveform, target, sensor, tracker) and everything that uses it.
 
-A system is data plus a handful of pure functions of arrays. Environments, schedulers, evaluation and documentation know
-nothing else, so a system of your own is one dataclass in plain NumPy::
+A system is data plus a few pure functions of arrays. Environments, schedulers, evaluation and documentation use
+nothing else, so your own system is one dataclass in plain NumPy::
 
     @dataclass(frozen=True)
     class MySystem(System):
@@ -10,14 +10,14 @@ nothing else, so a system of your own is one dataclass in plain NumPy::
 Axis 0 of every array is the environment. There are three kinds of data, each a NamedTuple of arrays:
 
 * **World**: every random number of one episode, drawn in advance and independent of all actions (a tape);
-* **Truth**: what no scheduler may see, such as the true targets;
+* **Truth**: the part of the state that no scheduler may see, such as the true targets;
 * **Belief**: the tracker's estimates, resources, time and the known map. Its field ``step`` is an int array (env,).
 
-The truth and the belief have a model each. They are equal unless the parameter ``truth`` changes the world; tracker and
+The truth and the belief each have a model. They are equal unless the parameter ``truth`` changes the world; tracker and
 schedulers then keep their assumptions. One step has three parts: ``move`` the targets, ``measure``, ``track``.
 
-What a loop may be beyond this is a trait (``wavegym.core.traits``); what schedulers can do faster is a shortcut
-(``wavegym.core.shortcuts``).
+Traits (``wavegym.core.traits``) change the form of a loop. Shortcuts (``wavegym.core.shortcuts``) make schedulers
+faster.
 """
 
 from __future__ import annotations
@@ -61,15 +61,15 @@ class System:
     A subclass is a frozen dataclass.
 
     Attributes:
-        truth: parameters in which the world differs from what the tracker and the schedulers assume, by name; None for
-            no difference. Only parameters that are declared with ``truth=True`` may differ.
+        truth: parameters of the world that differ from the assumption of tracker and schedulers, by name; None for no
+            difference. Only parameters that are declared with ``truth=True`` may differ.
         horizon: steps in an episode.
         dt: time step in seconds.
         actions: the action set: a Library or a JointLibrary (an action is an index), a PerSensorLibrary (one index for
             each sensor) or a ParameterBox (a point of [-1, 1]^d).
         observation_fields: the fields of the observation, in order.
-        terminates: True for a finite-horizon task, whose end is a termination and which observes the time left; False
-            for a monitoring task, which is truncated after ``horizon`` steps.
+        terminates: True for a finite-horizon task, which terminates and observes the time left; False for a
+            monitoring task, which is truncated after ``horizon`` steps.
         strict: whether environments refuse a masked action. With False the system replaces a masked action by an
             allowed one, in ``transition`` and ``predict`` alike, and reports ``replaced`` in ``state_info``.
         outcome_shape: the shape of the uniform draws that decide one step's outcome in ``predict``; (0,) for none.
@@ -172,7 +172,7 @@ class System:
 
         Args:
             truth: after the targets have moved.
-            belief: before the step. A sensor may steer by it: a camera points at an estimate.
+            belief: before the step. A sensor may use it to point: a camera points at an estimate.
             action: as in ``transition``.
             world: the tape, read at [env, belief.step].
         """
@@ -203,8 +203,8 @@ class System:
     def cost(self, belief: Any) -> Array:
         """What schedulers minimise, with the leading axes of ``belief``: (env,) or (env, candidate).
 
-        In a system whose tracks cannot be lost it is trace(Lambda P) summed over the targets. A system that charges
-        for a track that may be lost says so, and has a ``trace`` of its own.
+        In a system whose tracks cannot be lost it is trace(Lambda P) summed over the targets. A system with another
+        cost, for tracks that may be lost, overrides ``trace``.
         """
         raise NotImplementedError
 
@@ -223,8 +223,8 @@ class System:
     def mask(self, belief: Any) -> Array:
         """Which actions are allowed, (env, actions) bool; for finite action sets only.
 
-        A PerSensorLibrary has no mask: limits that couple sensors need a JointLibrary. Agents are shown all True for
-        it, (env, sensors * waveforms), sensor after sensor.
+        A PerSensorLibrary has no mask: limits that couple sensors need a JointLibrary. Agents receive all True for it,
+        (env, sensors * waveforms), sensor after sensor.
         """
         actions = self.actions
         if isinstance(actions, PerSensorLibrary):
@@ -243,10 +243,10 @@ class System:
         * ``nees``, the normalised estimation error squared, over ``nees_dimension`` elements;
         * ``lost``, tracks lost; the value at the episode's end counts.
 
-        Where targets come and go, ``present``, (env, target) bool, marks those that are there; the figures of an absent
+        Where targets come and go, ``present``, (env, target) bool, marks the present targets. The figures of an absent
         target are 0, because Gymnasium's checker treats NaN as unequal. ``gospa``, (env,) in m, is the GOSPA distance
-        of order 2 for all targets and tracks together; where a system has it, evaluation takes its square for the error
-        by truth, in place of the squared position error.
+        of order 2 over all targets and tracks. If a system has it, its square is the error by truth in evaluations, in
+        place of the squared position error.
         """
         return {}
 

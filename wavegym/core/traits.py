@@ -15,7 +15,7 @@ from wavegym.core.arrays import Array
 class UnequalSteps(ABC):
     """Steps whose lengths the actions choose. The cost of a step is that of its whole duration.
 
-    Evaluation then means by time: the summed cost over the summed duration.
+    Evaluation then averages over time: the summed cost over the summed duration.
     """
 
     @abstractmethod
@@ -31,7 +31,7 @@ class TrackSlots(ABC):
 
     @abstractmethod
     def slots_now(self, belief: Any) -> Array:
-        """What is known of each slot now, (env, slot, column); all 0 where it is free.
+        """The belief about each slot now, (env, slot, column); all 0 where it is free.
 
         Columns: probability of existence, range (m), azimuth (rad), standard deviation of the azimuth in beam widths,
         that of the position (m) and of the velocity (m/s), seconds since the last update, expected density of the
@@ -100,8 +100,8 @@ class TimedPulses(ABC):
     """Pulses with a timing, to be held against the targets' ranges and speeds.
 
     Attributes:
-        bistatic: whether the receivers are antennas of their own, which listen while the transmitter sends.
-        chooses_prf: whether the PRF is chosen, so that a target may be ambiguous or hidden at some of them.
+        bistatic: whether the receivers have their own antennas and listen while the transmitter transmits.
+        chooses_prf: whether the PRF is chosen, so that a target may be ambiguous or hidden at some PRFs.
         duration_means: the definition of a pulse's duration, a sentence.
     """
 

@@ -1,7 +1,7 @@
 """Work for several processes that survives bad nights.
 
-A worker ends when the process that started it ends, however that happens. What a killed worker was doing is done once
-more. Results that ``Parts`` keeps are not computed again by the next call.
+A worker ends when the process that started it ends, in any way. The task of a killed worker is repeated. The next call
+does not recompute results that ``Parts`` keeps.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def run_all(
     Args:
         calls: functions and arguments that can be pickled.
         jobs: processes; -1 = one for each core.
-        advance: called with the number of calls that have been finished since it was last called.
+        advance: called with the number of calls that have finished since its last call.
         parts: where results are kept and looked for.
 
     Raises:

@@ -84,7 +84,7 @@ def describe(id: str, /, **parameters: Any) -> str:
         _info(env, system),
         "## Parameters",
         f'Of the system: `gym.make("{id}", name=value)`. Where the truth may differ, `truth={{"name": value}}` changes '
-        "the world and not what the tracker and the schedulers assume.",
+        "the world only. Tracker and schedulers keep their assumption.",
         _parameters(system),
         "Of every environment:",
         _settings(),
@@ -173,9 +173,9 @@ def _timing(system: System) -> str:
         "[Waveform timing](../waveform_timing.md) defines the columns."
     )
     if system.bistatic:
-        text += " The receivers are antennas of their own, which listen while the transmitter sends."
+        text += " The receivers have their own antennas and listen while the transmitter transmits."
     if system.chooses_prf:
-        text += " The PRF is chosen: a target may be ambiguous or hidden at one, and clear at another."
+        text += " The PRF is chosen: a target may be ambiguous or hidden at one PRF, and clear at another."
     return f"## Timing\n\n{text}\n\n" + table(TIMING_HEAD, rows)
 
 

@@ -77,7 +77,7 @@ def consistency_title(dimension: int | None) -> str:
 
 
 def order_sentence(reversals: Sequence[Mapping[str, Any]]) -> str:
-    """What a report says of the pairs found by ``consistency.reversals``, but for what rounds to 0."""
+    """A sentence on the pairs found by ``consistency.reversals``, without those that round to 0."""
     reversals = [pair for pair in reversals if "0" not in (signed(pair["belief"]), signed(pair["truth"]))]
     if not reversals:
         return "Wherever both differences are significant, belief and truth rank the policies alike."

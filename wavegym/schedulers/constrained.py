@@ -1,8 +1,8 @@
 """Schedulers of O'Rourke and Swindlehurst: the most information with a threshold for every target, and SLSQP.
 
-The paper maximises the sum over targets of tr(P C' R~^-1 C), P the predicted covariance and R~ the penalised variances,
-where every target's term is at least t and the settings stay in their box (section IV). It uses sequential quadratic
-programming (SLSQP). A grid needs neither a start nor a gradient.
+The paper maximises the sum over targets of tr(P C' R~^-1 C), with P the predicted covariance and R~ the penalised
+variances. Every target's term must be at least t, and the settings stay in their box (section IV). The paper uses
+sequential quadratic programming (SLSQP). A grid needs neither a start nor a gradient.
 
 Source: S. M. O'Rourke and A. L. Swindlehurst, "Adaptive RF/EO sensing with field-of-view constraints".
 """

@@ -28,7 +28,7 @@ def determinant(system: Any, belief: Any, candidates: Array) -> Array:
     """det P after the update; of several targets, the product.
 
     With Gaussian chirps of fixed energy det R is the same for all, so det P = det P^- det R / det S: minimising it
-    *maximises* the validation gate and leads to the edge of the box. It is here because the literature uses it.
+    *maximises* the validation gate and leads to the edge of the box. It is included because the literature uses it.
     """
     each = np.linalg.det(system.predict(belief, candidates).covariance)  # (env, candidate[, target])
     return each.reshape(*each.shape[:2], -1).prod(axis=2)
@@ -49,7 +49,7 @@ def mean_trace(system: Any, belief: Any, candidates: Array) -> Array:
 
 
 def gain_per_second(system: Any, belief: Any, candidates: Array) -> Array:
-    """Minus the gain per second, which stands for the cost where steps differ in length."""
+    """Minus the gain per second, which replaces the cost where steps differ in length."""
     return -shortcuts.gain_per_second(system, belief)[:, candidates[0]]
 
 
@@ -117,5 +117,5 @@ def require(name: str, system: System, kind: Shortcut[..., Any] | type) -> None:
 
 
 def impossible(name: str, system: System, why: str) -> InputError:
-    """The error for a scheduler that cannot be computed for this system."""
+    """The error for a scheduler that is not for this system."""
     return InputError(f"policy {name!r} cannot be computed for {type(system).__name__}: {why}; nearest: 'myopic'")

@@ -1,8 +1,8 @@
 """The best schedule of a whole episode where the covariance is deterministic: a reference for all schedulers.
 
-Forward search over the tree of schedules, step by step. Of the beliefs that the schedules of k steps lead to, most
-are dominated: another belief costs less and has a smaller covariance. With J_a(P) the cost of continuing from
-covariance P with the actions a, the rule is: drop A = (c_A, P_A) for B = (c_B, P_B) where, for some e >= 0,
+Forward search over the tree of schedules, step by step. Most of the beliefs after k steps are dominated: another belief
+costs less and has a smaller covariance. Let J_a(P) be the cost of continuing from covariance P with the actions a. The
+search drops A = (c_A, P_A) for B = (c_B, P_B) where, for some e >= 0,
 
     P_B <= (1 + e) P_A  (Loewner order)   and   c_B + e (U - c_A - h) <= c_A + d.
 

@@ -15,9 +15,9 @@ from wavegym.core.system import System
 class Progressive:
     """The chirps with the least predicted trace one step ahead (Sira et al., section 5).
 
-    For every sensor in turn, and every phase law and direction: a grid over log duration and log sweep, then finer
-    grids around the best point, out to its neighbours. For systems
-    that have ``sensor_by_sensor``, with ``action="box"``.
+    For every sensor in turn, and every phase law and direction, it searches a grid over log duration and log sweep,
+    then finer grids around the best point, out to its neighbours. For systems that have ``sensor_by_sensor``, with
+    ``action="box"``.
 
     Args:
         points: grid points per axis, at least 3.

@@ -44,15 +44,13 @@ def make_policy(name: str, system: System, tuning_worlds: Any, base: Policy | No
             suite's systems (``schedulers.tuned_constants``), or else are tuned on ``tuning_worlds``. A planner
             improves on the base policy recorded (``best-simple`` unless another is), or on the scheduler after an
             ``@``: ``rollout:20@myopic``.
-        system: what it is to schedule.
+        system: the closed loop.
         tuning_worlds: tapes, axis 0 = world, that are not those of the test.
         base: base policy of a planner, in place of the recorded one or the one after an ``@``.
 
     Raises:
-        InputError: an unknown name (nearest named) or one that was renamed, a number after the colon that is no integer
-            in range, an M that is no number >= 0, a NAME that the system lacks, a scheduler that this system cannot
-            have, or one of its ``baselines``, which have parameters of their own and are played by
-            ``wavegym.evaluation.compare``.
+        InputError: an unknown or renamed name, an invalid number or NAME in it, or a scheduler that is not for this
+            system. ``wavegym.evaluation.compare`` plays ``baselines``, which have their own parameters.
     """
     check_not_renamed("policy", name.partition("@")[0])
     family, _, argument = name.partition(":")
@@ -220,7 +218,7 @@ MEANINGS = {  # of every name; a capital letter stands for a number or a name
     "myopic:exhaustive": "myopic, found by trying every action",
     "myopic:determinant": "the least determinant of the predicted covariance",
     "myopic:gate": "the least volume of the validation gate",
-    "myopic:mean-trace": "the least trace of all tracks, however doubtful",
+    "myopic:mean-trace": "the least trace of all tracks, whatever their existence",
     "myopic:closed-form": "myopic in closed form, for Gaussian chirps in a box",
     "myopic:progressive": "myopic, one sensor after the other, for chirps in a box",
     "myopic:slsqp": "myopic in a box, by gradients from 8 drawn points",

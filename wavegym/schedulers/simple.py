@@ -44,8 +44,8 @@ class RandomChoice:
 class Cycle:
     """A periodic schedule: step t transmits slot t modulo the number of slots.
 
-    An index that is not allowed is replaced by the next allowed constant in cyclic order; for an index that is no
-    constant the order begins at the first one. Masks are for indices: other actions are transmitted unchanged.
+    The next allowed constant in cyclic order replaces an index that is not allowed. For an index that is not a constant
+    the order begins at the first constant. Masks are for indices: other actions are transmitted unchanged.
 
     Args:
         actions: one action for each slot, (slots,) indices, (slots, sensor) indices or (slots, d) points of a box.
@@ -103,7 +103,7 @@ def constant_action(system: System, constant: int | str) -> Array:
     """The action (...) of an index into ``constants`` of the system or of a name in its ``named_constants``.
 
     Raises:
-        InputError: no such constant; names the range of the indices, the names and the nearest.
+        InputError: no such constant.
     """
     constants, named = shortcuts.constants(system), shortcuts.named_constants(system)
     if isinstance(constant, str):

@@ -28,14 +28,14 @@ def records() -> dict[str, dict[str, Any]]:
 
 
 def record_key(system: System) -> str:
-    """``"package.module:Class"``: a class of the same name elsewhere has a record of its own, or none."""
+    """``"package.module:Class"``: a class of the same name in another module has a different record, or none."""
     return f"{type(system).__module__}:{type(system).__qualname__}"
 
 
 def recorded(system: System) -> dict[str, Any]:
     """The record of this system's class if the system has the class's default parameters; else an empty dictionary.
 
-    A difference of the truth does not count: schedulers do not know of it.
+    ``truth`` does not count, because schedulers do not know it.
     """
     with suppress(TypeError, ValueError):  # a class without defaults
         if record_key(system) in records() and system.belief_model == type(system)():

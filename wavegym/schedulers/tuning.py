@@ -78,8 +78,8 @@ def best_constant(system: System, worlds: Any) -> Array:
 def polished(cost: Callable[[Array], float], start: Array) -> Array:
     """A local minimum of ``cost`` over a box, by Nelder and Mead's simplex, restarted until that gains nothing.
 
-    The simplex only compares costs, so that heavy tails and infinite costs do no harm. It reaches the faces of the box
-    exactly, and the result is never worse than ``start``. Powell's bounded method stops short of the faces: it took 471
+    The simplex only compares costs, so heavy tails and infinite costs do no harm. It reaches the faces of the box
+    exactly, and the result is never worse than ``start``. Powell's bounded method stops before the faces: it took 471
     rollouts against 208 for three slots of KershawEvansPosition, and as many for a constant of RfEo inside the box.
 
     Args:

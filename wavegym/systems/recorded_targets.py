@@ -1,4 +1,4 @@
-"""Recorded targets in a system: parameters of one meaning everywhere, and the windows that a world draws."""
+"""Recorded targets in a system: shared parameters, and the windows that a world draws."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from wavegym.targets.recorded_paths import RecordedPaths, recorded_paths
 
 def targets_parameter() -> Any:
     """The parameter ``targets`` of a system that draws them from its motion model, unless they are recorded."""
-    return parameter("random", "drawn from the motion model, or windows of ``tracks``", unit="", truth=True)
+    return parameter("random", "paths drawn from the motion model, or windows of ``tracks``", unit="", truth=True)
 
 
 def tracks_parameter(condition: str = "with targets='recorded'") -> Any:
@@ -27,20 +27,20 @@ def tracks_parameter(condition: str = "with targets='recorded'") -> Any:
 def radar_parameter() -> Any:
     """The parameter ``radar``."""
     meaning = (
-        "where the recording is seen from, the origin of the scene: latitude, longitude (degrees) and altitude (m), or "
-        "x, y, z (m) where the file gives metres; by default the middle of the recording, or its origin"
+        "origin of the scene in the recording: latitude, longitude (degrees) and altitude (m), or x, y, z (m) if the "
+        "file gives metres; by default the middle of the recording, or its origin"
     )
     return parameter(None, meaning, unit="", truth=True)
 
 
 def farthest_range_parameter(metres: float) -> Any:
     """The parameter ``farthest_range``."""
-    return parameter(metres, "recorded windows beyond it are left out", unit="m", truth=True, gt=0)
+    return parameter(metres, "recorded windows beyond this range are not used", unit="m", truth=True, gt=0)
 
 
 def smoothing_parameter() -> Any:
     """The parameter ``smoothing``."""
-    meaning = "time constant against the errors of a recording's reports; by default chosen for each track"
+    meaning = "time constant of the smoothing of recorded tracks; by default chosen for each track"
     return parameter(None, meaning, unit="s", truth=True, ge=0)
 
 

@@ -3,9 +3,14 @@
     >>> from wavegym.testing import check_vector_env
     >>> check_vector_env("wavegym/KershawEvansPosition-v0")
 
-Defects that it finds: terminal observations lost at an autoreset, truncations lost, a step lost by the others while one
-environment is reset, a reset mask popped from the caller's options, buffers reused, returned arrays that are the
-environment's own state, the caller's actions changed, seeds that do not count, rare observations outside the space.
+It finds these defects:
+
+- a terminal observation or a truncation is lost at an autoreset;
+- the other environments lose a step while one is reset;
+- ``reset`` removes the reset mask from the caller's options, or ``step`` changes the caller's actions;
+- buffers are reused, or returned arrays are the environment's own state;
+- the seed has no effect;
+- rare observations are outside the space.
 """
 
 from __future__ import annotations
@@ -108,7 +113,7 @@ def _check_system(makers: Makers) -> None:
 
 
 def _check_seeds(makers: Makers, seed: int) -> None:
-    """The seed of an environment decides its episode, whatever was played before and beside it."""
+    """The seed of an environment alone decides its episode, not earlier episodes or other environments."""
     first = [seed + k for k in range(SEEDED)]
     reference = _seeded(makers, first, is_used=False)
     for seeds, like in (

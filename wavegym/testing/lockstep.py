@@ -230,7 +230,7 @@ def random_actions(env: Any, rng: np.random.Generator) -> Any:
 
 
 def most_wanted(env: Any, wish: Array) -> Any:
-    """The action of each environment that it wishes most, (env, actions) as of a mask."""
+    """The preferred action of each environment, (env, actions) as of a mask."""
     space = env.single_action_space
     sizes = np.atleast_1d(space.n if isinstance(space, spaces.Discrete) else space.nvec)
     parts = np.split(wish, np.cumsum(sizes)[:-1], axis=1)

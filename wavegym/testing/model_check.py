@@ -17,7 +17,7 @@ FEW = 1000  # candidates tried, evenly spaced
 def prediction_defect(system: System, seed: int = 0) -> str | None:
     """The first defect of ``predict``, ``cost``, ``mask``, ``state_info`` or a shortcut, or None.
 
-    A system without ``predict`` (NotImplementedError) admits no planner, which is no defect.
+    A system without ``predict`` (NotImplementedError) has no planners; this is not a defect.
     """
     generators = [np.random.default_rng([seed, i]) for i in range(WORLDS)]
     state = system.initial(trees.stack([system.draw_world(rng) for rng in generators]))

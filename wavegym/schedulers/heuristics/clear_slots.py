@@ -59,9 +59,9 @@ class ClearSlotPrice(Heuristic):
     """The greatest gain until the next clear slot, minus a price of energy by the number of clear slots left.
 
     The gain of a look is summed over ``ahead`` steps and ``reach`` times the hidden steps that follow this slot: a look
-    in the last clear slot must last until the target can be seen again. The price is ``price`` times
-    ((clear slots left + ``cushion``) / (energy + 1))^``power`` times (present cost)^``scale``. Energy is of use in
-    clear slots only, so their number says how scarce it is. For systems that have ``gain`` and ``spending`` and whose
+    in the last clear slot must last until the target is visible again. The price is ``price`` times
+    ((clear slots left + ``cushion``) / (energy + 1))^``power`` times (present cost)^``scale``. Energy is useful in
+    clear slots only, so their number measures its scarcity. For systems that have ``gain`` and ``spending`` and whose
     belief has ``visible``, (env, H) or (env, H, target).
 
     Args:
@@ -73,7 +73,7 @@ class ClearSlotPrice(Heuristic):
         scale: exponent of the present cost; with 1 the price is relative to it.
 
     Raises:
-        InputError: a constant that is negative or not finite, ``ahead`` not positive, a belief without ``visible``.
+        InputError: an invalid constant, or a belief without ``visible``.
     """
 
     name = "clear-slot-price"

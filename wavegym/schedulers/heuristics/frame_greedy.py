@@ -14,12 +14,12 @@ from wavegym.schedulers.heuristics.timeline_rules import TimelineRule
 
 
 class FrameGreedy(TimelineRule):
-    """Allot the time of a frame by the greatest marginal gain per second, then do the dwells (as Q-RAM does).
+    """Allot the time of a frame by the greatest marginal gain per second, then execute the dwells (as Q-RAM does).
 
-    A task is the update of a track or the search of a sector, and gets one dwell of a frame or none. The allotment
-    begins without dwells. Again and again it lengthens the dwell of the task that gains most by it per second, until
-    the frame is full. The dwells follow by falling gain per second. See Rajkumar, Lee, Lehoczky and Siewiorek (1997),
-    and Ghosh, Rajkumar, Hansen and Lehoczky (2004) for a radar.
+    A task is the update of a track or the search of a sector, and gets at most one dwell of a frame. The allotment
+    starts without dwells. It repeatedly lengthens the dwell with the greatest gain per added second, until the frame is
+    full. The dwells are then executed in order of falling gain per second. See Rajkumar, Lee, Lehoczky and Siewiorek
+    (1997), and Ghosh, Rajkumar, Hansen and Lehoczky (2004) for a radar.
 
     Args:
         ahead, worth: see ``GainPerSecond``.

@@ -14,8 +14,9 @@ from wavegym.schedulers.heuristics.clear_slots import hidden_steps
 class HoldUntilDetected(Heuristic):
     """The greatest gain, summed for each target over ``ahead`` steps and the steps in which it is hidden afterwards.
 
-    The measurement of a target that stays in sight must last until its next turn, or until it is visible again if it is
-    about to hide. For systems that have ``gain_by_target`` and whose belief has ``visible``, (env, H, target).
+    The measurement of a visible target must last until its next turn. If the target will be hidden soon, it must last
+    until the target is visible again. For systems that have ``gain_by_target`` and whose belief has ``visible``,
+    (env, H, target).
 
     Args:
         ahead: steps over which the gain of a pulse is summed where the target stays in sight.

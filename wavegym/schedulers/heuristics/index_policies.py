@@ -60,11 +60,11 @@ class AwareGreedy(Heuristic):
 
 
 class CostOfDelay(Heuristic):
-    """The loss if a candidate's pulse is postponed, per step that it takes.
+    """The loss by postponing a candidate's pulse, per step of its delay.
 
     The value is gain(delay) - alpha * gain(delay + later), divided by (1 + delay)^power, and times 1 + bonus where the
-    delay is 0, which favours the present set-up. A target about to hide has no gain later, so it comes first. A target
-    that can be served later without loss waits.
+    delay is 0, which favours the present set-up. A target that will be hidden soon has no gain later, so it comes
+    first. A target that loses nothing by a delay waits.
 
     Args:
         alpha: weight of the gain of the same pulse ``later`` steps later.

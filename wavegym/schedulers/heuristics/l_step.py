@@ -22,9 +22,9 @@ class Gain(Heuristic):
     """L-step gain: the candidate after which the next ``ahead`` steps cost least without further measurements.
 
     It minimises trace(M P) summed over the targets, with P as ``predict`` expects it after one step and M of
-    ``horizon_weights``. It needs one ``predict``, so it is for every system with one covariance for each target and a
-    linear motion model. With ``ahead=1`` it is the myopic scheduler. A pulse with a delay has no gain here; for delays
-    see ``AwareGreedy`` and ``CostOfDelay``.
+    ``horizon_weights``. It needs one ``predict``, one covariance for each target and a linear motion model. With
+    ``ahead=1`` it is the myopic scheduler. A pulse with a delay has no gain here; for delays see ``AwareGreedy`` and
+    ``CostOfDelay``.
 
     Args:
         ahead: L, steps.

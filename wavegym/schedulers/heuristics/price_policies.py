@@ -52,15 +52,15 @@ class LagrangianPrice(Heuristic):
 class AdaptiveLagrangianPrice(Heuristic):
     """A Lagrangian price at which the account is predicted to last just to the episode's end.
 
-    At each step a search finds this price: the expected recursion of ``predict`` is followed to the episode's end with
-    an unlimited account, for several prices at once, and the interval in which the predicted spending falls to the
-    account is divided repeatedly. In the futures that a planner simulates this search would take too long. There the
-    price prepared at the root is multiplied by the cube of (account predicted for this step / account), so that the
-    account is neither empty too early nor left over.
+    At each step a search finds this price. It follows the expected recursion of ``predict`` to the episode's end with
+    an unlimited account, for several prices at once, and repeatedly divides the interval in which the predicted
+    spending falls to the account. In a planner's simulated futures this search would take too long. There the price
+    prepared at the root is multiplied by the cube of (account predicted for this step / account), so that the account
+    is neither empty too early nor left over.
 
     Args:
         ahead: steps over which the gain of a pulse is summed.
-        thrift: share of the account to be spent by prediction; chance makes the spending differ from the prediction.
+        thrift: share of the account that the predicted spending should use; the true spending differs by chance.
 
     Raises:
         InputError: fewer than one step, a thrift that is not positive.

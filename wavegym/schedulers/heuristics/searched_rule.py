@@ -119,9 +119,9 @@ def search_rule(
 ) -> FoundRule:
     """The weights of least ``log_cost`` that CMA-ES finds.
 
-    Each form of rule is searched from its best start, then all features together from the best rule found, then, if the
-    budget is not yet spent, from the other starts. The starts reproduce the one-step scheduler, the greatest gain with
-    a penalty for delay, and the greatest gain minus a price of spending.
+    The search tries each form of rule from its best start, then all features together from the best rule found. If
+    budget is left, it continues from the other starts. The starts reproduce the one-step scheduler, the greatest gain
+    with a penalty for delay, and the greatest gain minus a price of spending.
 
     Args:
         system: the closed loop.

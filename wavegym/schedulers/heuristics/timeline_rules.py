@@ -1,7 +1,7 @@
 """Rules for one beam on a time line: which track to update next, or which sector to search.
 
-They are for systems of the traits ``UnequalSteps`` and ``TrackSlots``. All choose among tracks by what is known of each
-slot; a track of existence below ``CONFIRMED`` is tentative.
+They are for systems with the traits ``UnequalSteps`` and ``TrackSlots``. All choose among tracks by the belief about
+each slot. A track with existence probability below ``CONFIRMED`` is tentative.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ EXISTENCE, POINTING, POSITION, AGE, SNR = 0, 3, 4, 6, 8  # columns of ``slots_no
 
 
 class TimelineRule(Heuristic):
-    """Base class: what all rules read."""
+    """Base class of the rules."""
 
     needs: tuple[Shortcut[..., Any] | type, ...] = (UnequalSteps, TrackSlots, gain_per_second)
 
@@ -41,7 +41,7 @@ class TimelineRule(Heuristic):
         return np.where(urgency[rows, slot] >= 0.0, update, otherwise)
 
     def most_promising_search(self, belief: Any, dwell: int) -> Array:
-        """Searches, with one dwell, of the sectors where most is found per second, (env,)."""
+        """Searches, with one dwell, of the sectors with the most expected detections per second, (env,)."""
         searches = self.dwells.search(np.arange(self.dwells.sectors), dwell)
         gain = gain_per_second(self.system, belief)[:, searches]
         return searches[gain.argmax(axis=1)]
@@ -72,10 +72,10 @@ class RoundRobinSearch(TimelineRule):
 
 
 class EarliestDeadline(TimelineRule):
-    """Each track has a deadline after its last update; the most overdue comes first, and a search where none is due.
+    """Update the track that is most overdue; search if none is overdue. Deadlines count from the last update.
 
     Args:
-        revisit: seconds until a confirmed track is due.
+        revisit: seconds from the last update to the deadline of a confirmed track.
         confirm: seconds until a tentative track is due.
         update: number of the dwell of an update.
         search: number of the dwell of a search.
@@ -95,14 +95,14 @@ class EarliestDeadline(TimelineRule):
 
 
 class VanKeukBlackman(TimelineRule):
-    """A track is due when the standard deviation of its azimuth reaches a share of the beam width.
+    """Update a track when the standard deviation of its azimuth reaches a share of the beam width.
 
-    The dwell is the shortest of an expected SNR, so near targets get short ones. van Keuk and Blackman (1993) find a
-    share of .3 and an SNR of some 16 dB the cheapest. Here both are tuned, and so is the time until a tentative track
-    is seen again.
+    The dwell is the shortest that gives an expected SNR, so near targets get short dwells. van Keuk and Blackman (1993)
+    find a share of 0.3 and an SNR of about 16 dB the cheapest. Here both are tuned, and so is the time until the next
+    update of a tentative track.
 
     Args:
-        pointing: standard deviation of the azimuth in beam widths at which a track is due.
+        pointing: standard deviation of the azimuth, in beam widths, at which a track is updated.
         snr: least expected E/N0 of an update.
         confirm: seconds until a tentative track is due.
         search: number of the dwell of a search.
@@ -125,11 +125,11 @@ class VanKeukBlackman(TimelineRule):
 
 
 class GainPerSecond(TimelineRule):
-    """The dwell that takes most off the cost of the time after it, over its duration.
+    """The dwell with the greatest reduction of the later cost per second of its duration.
 
     Args:
         ahead: seconds that count after an update.
-        worth: of a target that a search finds, as a number of seconds in which it would be charged in full.
+        worth: value of a target that a search finds, in seconds of its full cost.
     """
 
     name = "gain-per-second"
@@ -143,14 +143,14 @@ class GainPerSecond(TimelineRule):
 
 
 class PriceOfTime(TimelineRule):
-    """The dwell of the greatest gain less the price of its time; of the greatest ratio where none is worth its price.
+    """The dwell of the greatest gain less the price of its time; if none exceeds its price, that of the greatest ratio.
 
-    The price is the Lagrange multiplier of the time line, found by simulation. Time that is not used is lost, so a
-    price above every gain per second asks for no wait.
+    The price is the Lagrange multiplier of the time line, found by simulation. Unused time is lost, so the rule never
+    waits because of a high price.
 
     Args:
         ahead, worth: see ``GainPerSecond``.
-        price: of a second, in the cost of one target that nobody sees.
+        price: of a second, in the cost of one undetected target.
     """
 
     name = "price-of-time"
@@ -167,7 +167,7 @@ class PriceOfTime(TimelineRule):
 
 
 class DelayIndex(TimelineRule):
-    """The dwell that loses most by a delay: gain per second now, less a share of that after the delay.
+    """The dwell that loses most by a delay: gain per second now, less a share of the gain per second after the delay.
 
     Args:
         ahead, worth: see ``GainPerSecond``.

@@ -1,4 +1,4 @@
-"""The one-step scheduler with weights of its own on the elements of the state, found by CMA-ES on tuning worlds."""
+"""The one-step scheduler with searched weights on the elements of the state, found by CMA-ES on tuning worlds."""
 
 from __future__ import annotations
 
@@ -24,16 +24,15 @@ DIGITS = 4  # of recorded weights
 class WeightedMyopic(Heuristic):
     """The candidate of the least trace(W P) one step ahead, W = diag(weights), in place of the cost's Lambda.
 
-    What a look tells about velocities pays at later steps, and so does what it tells along the axis that other looks
-    tell little about. The cost of one step does not know this. The rule is not for systems in which looks have delays:
-    there one step ahead says nothing about a look that comes later.
+    Information about velocities reduces the cost of later steps, and so does information along an axis that other looks
+    measure poorly. The cost of one step ignores both. The rule is not for systems in which looks have delays, because
+    one step of prediction does not contain a later look.
 
     Args:
         weights: one for each element of the state, >= 0.
 
     Raises:
-        InputError: weights that are negative, not finite or all 0; at ``begin``, a system whose cost is not linear in
-            the covariance, whose ``weights`` are not as many numbers, or whose looks have delays.
+        InputError: invalid weights; at ``begin``, a system for which the rule is not.
     """
 
     name = "weighted-myopic"

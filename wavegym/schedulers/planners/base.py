@@ -26,7 +26,7 @@ class Planner:
     The gain is estimated in sampled futures; base and plans meet the same outcomes.
 
     Args:
-        base: the policy to improve on. It also chooses after the end of a plan. It is asked at simulated beliefs, in
+        base: the policy to improve on. It also chooses after the end of a plan. It is called at simulated beliefs, in
             batches of any size, so it must keep no memory between calls.
         depth: steps of a future.
         futures: number of sampled futures.

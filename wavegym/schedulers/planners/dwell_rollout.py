@@ -14,10 +14,9 @@ from wavegym.schedulers.heuristics.timeline_rules import SearchedDwell
 
 
 class DwellRollout(Heuristic):
-    """Simulate futures of the dwells of the greatest score, and take the one of least cost.
+    """Simulate futures of the dwells with the greatest scores, and take the dwell of least cost.
 
-    Each future goes on with the rule that scores. The number of candidates, futures and seconds set the time of a
-    decision.
+    The base rule continues each future. The numbers of candidates, futures and seconds set the time of a decision.
 
     Args:
         base: the rule.

@@ -96,8 +96,8 @@ class RecedingHorizon(Planner):
         rounds: of the local search at every step.
         first: rounds for the first plan of an episode.
         sampled: futures that a plan is made for; 0 for the expected recursion.
-        asks: whether the plan has to beat the base in sampled futures. These favour the base, which reacts to outcomes
-            while the plan does not; with few affordable actions good plans are then rejected.
+        asks: whether the plan has to beat the base in sampled futures. These favour the base, because it reacts to
+            outcomes and the plan does not. With few affordable actions they reject good plans.
     """
 
     def __init__(

@@ -18,7 +18,7 @@ ROWS = 16_384  # beliefs simulated at a time: they fit the processor's cache
 
 
 class Observing(Heuristic):
-    """Any policy as a base: at every belief, simulated ones included, it is given the observation of that belief.
+    """Any policy as a base: at every belief, also a simulated one, it receives the observation of that belief.
 
     Args:
         policy: chooses the actions, such as a learned policy.
@@ -43,11 +43,10 @@ class SampledFutures:
     """Follows plans, and after them a base policy, through ``predict``.
 
     Args:
-        base: chooses where a plan has ended. Of a heuristic (``wavegym.schedulers.heuristics``), ``prepare`` is called
-            at the belief that the futures start from and ``choose`` in them. Any other policy is asked to ``act``, with
-            the observation of each belief. ``leftover(belief, prepared)``, (env,), of a base that has it is added to
-            the
-            cost at the end of a truncated future: minus the value of the resources left.
+        base: chooses where a plan has ended. For a heuristic (``wavegym.schedulers.heuristics``), ``prepare`` is called
+            at the first belief of the futures and ``choose`` in them. For any other policy ``act`` is called, with the
+            observation of each belief. If the base has ``leftover(belief, prepared)``, (env,), it is added to the cost
+            at the end of a truncated future: minus the value of the remaining resources.
         depth: steps of a future, fewer where the episode ends.
         count: number of futures; a single one where no outcome is random.
 

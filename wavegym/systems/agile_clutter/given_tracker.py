@@ -1,4 +1,4 @@
-"""A step of a tracker that a user puts into the loop."""
+"""A step of a user's tracker."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from wavegym.trackers.protocol import UNKNOWN, Estimate, MeasurementModel, Scan,
 
 @dataclass(frozen=True)
 class GivenTracker:
-    """Tells a tracker what each sensor reports, and which targets there are.
+    """Passes each sensor's scan and the present targets to a user's tracker.
 
     Args:
         tracker: of the user.

@@ -1,4 +1,4 @@
-"""The parameters of AgileClutter, what they refuse, and what follows: motion, pulses, tables of the kernels, cost."""
+"""The parameters of AgileClutter, their checks, and what follows: motion, pulses, tables of the kernels, cost."""
 
 from __future__ import annotations
 
@@ -53,22 +53,22 @@ MOST_STARTS = 256  # of a recording, at which the clutter in the gates is checke
 
 @system_parameters
 class ClutterScenario(System, TimedPulses, PlaysRecordings):
-    """What ``AgileClutter`` can be given, what it refuses, and what follows: motion, pulses, kernel tables, cost."""
+    """Parameters of ``AgileClutter``, their checks, and what follows: motion, pulses, kernel tables, cost."""
 
     horizon: int = parameter(32, "steps in an episode", ge=1)
     dt: float = parameter(0.25, "time step", unit="s", gt=0)
     q: float = parameter(1.0, "process noise density", unit="m^2/s^3", truth=True, ge=0)
     turn_rate: float = parameter(
-        0.0, "rate at which all targets turn, positive to the left", unit="rad/s", truth=True, ge=-10, le=10
+        0.0, "turn rate of all targets, positive to the left", unit="rad/s", truth=True, ge=-10, le=10
     )
     carrier_hz: float = parameter(10.4e9, "carrier frequency fc", unit="Hz", gt=0)
     eclipsing: bool = parameter(
         True,
-        f"each receiver is off while its own radar transmits, while {100 * ENERGY:g} % of a pulse's energy passes",
+        f"a receiver is off while its radar transmits {100 * ENERGY:g} % of a pulse's energy",
         unit="",
     )
     reference_range: float = parameter(50e3, "r0, the range at which eta = 1", unit="m", truth=True, gt=0)
-    nearest_range: float = parameter(100.0, "the SNR grows no further below this range", unit="m", truth=True, gt=0)
+    nearest_range: float = parameter(100.0, "below this range the SNR stays constant", unit="m", truth=True, gt=0)
     sensors: tuple[tuple[float, float], ...] = parameter(
         ((3e3, -16e3), (3e3, 20.4e3)), "position (x, y) of each sensor", unit="m"
     )
@@ -79,7 +79,7 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         truth=True,
     )
     births: tuple[NonNegativeInt, ...] = parameter((0, 7), "step at which the tracker receives each target")
-    lifetime: int = parameter(25, "steps for which each target is tracked", ge=1, le=100_000)
+    lifetime: int = parameter(25, "number of steps in which each target is tracked", ge=1, le=100_000)
     prior_variance: PositiveState = parameter(
         (4e3, 4e3, 100.0, 100.0),
         "diagonal of P0, the covariance of the first estimate",
@@ -100,27 +100,27 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
     durations: tuple[Positive, ...] = parameter((10e-6, 30e-6, 100e-6), "durations of the library", unit="s")
     sweeps: tuple[Positive, ...] = parameter(
         (1e6, 4e6, 15e6),
-        "sweeps of the library, which holds every law with every duration and sweep, up and down",
+        "sweeps of the library: every law, with every duration and sweep, up and down",
         unit="Hz",
     )
     library: Library | None = parameter(
-        None, "a Library of waveforms of your own, in place of ``laws``, ``durations`` and ``sweeps``", unit=""
+        None, "a Library of your own waveforms; replaces ``laws``, ``durations`` and ``sweeps``", unit=""
     )
     action: Literal["library", "joint", "box"] = parameter(
         "library",
-        "a waveform per sensor; one index for all sensors (every law up and down, at the longest duration and the "
-        "widest sweep); or a point of a box: for every sensor the law's index, rounded down (left out for a single "
-        "law), log duration and signed sweep",
+        '"library": a waveform per sensor; "joint": one index for all sensors (every law up and down, at the longest '
+        'duration and the widest sweep); "box": a point; for every sensor the law\'s index, rounded down (omitted for '
+        "a single law), log duration and signed sweep",
         unit="",
     )
     tracker: Any = parameter(
         "mixture",
         '"mixture" (Gaussian mixtures), "jpda" (joint probabilistic data association), "particle" (a Rao-Blackwellised '
-        "particle filter), a Tracker of ``wavegym.trackers.protocol``, or ``package.module:name`` of what makes one",
+        "particle filter), a Tracker of ``wavegym.trackers.protocol``, or ``package.module:name`` of its factory",
         unit="",
     )
     particles: int = parameter(1000, "number of particles with tracker='particle'", ge=2, le=1_000_000)
-    components: int = parameter(16, "most components of a target with tracker='mixture'", ge=1, le=10_000)
+    components: int = parameter(16, "maximum number of components of a target with tracker='mixture'", ge=1, le=10_000)
     targets: Literal["random", "recorded"] = targets_parameter()
     tracks: Path | None = tracks_parameter()
     radar: tuple[float, ...] | None = radar_parameter()
@@ -128,7 +128,7 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
     smoothing: float | None = smoothing_parameter()
 
     def __post_init__(self) -> None:
-        """Check what single fields cannot say."""
+        """Check several fields together."""
         check_positive("sum of weights", sum(self.weights))
         self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
         self._check_library()
@@ -140,7 +140,7 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         check_range_folds(self.timings, self._farthest_range())
 
     def _check_library(self) -> None:
-        """InputError for a library of one's own together with what describes the built-in one."""
+        """InputError if both ``library`` and parameters of the built-in library are given."""
         if self.library is None:
             return
         if self.action == "box":
@@ -165,7 +165,7 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         check_within("least of births", min(self.births), 0, self.horizon - 1)
 
     def _check_clutter(self) -> None:
-        """InputError for a density that expects too many points in a gate, of a target that is never detected too."""
+        """InputError for a density that expects too many points in a gate, even of a target that is never detected."""
         C, snr = self.action_set.sensor_covariances, (self.reference_range, self.nearest_range)
         starts = self._possible_starts()
         P, volume = np.diag(self.prior_variance), 0.0

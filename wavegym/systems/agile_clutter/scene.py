@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.gridspec import SubplotSpec
 
 
-SHOWN = 2  # sensors that have panels of their own
+SHOWN = 2  # sensors with their own panels
 GATE: dict[str, Any] = {"linewidth": 1.2}
 PULSE: dict[str, Any] = {"linewidth": 1.2, "linestyle": ":"}
 UPDATED: dict[str, Any] = {"alpha": 0.35}
@@ -105,7 +105,7 @@ class TargetScene:
             self._show_pulse(i, pulse)
 
     def _show_pulse(self, sensor: int, pulse: Waveform | None) -> None:
-        """Draw the ambiguity function. It takes longest of all, so it stays while the pulse stays the same."""
+        """Draw the ambiguity function. It is the slowest part, so it is redrawn only for a new pulse."""
         if pulse != self._on_show[sensor]:
             wipe(self._pulses[sensor])
             if pulse:

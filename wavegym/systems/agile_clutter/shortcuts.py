@@ -57,7 +57,7 @@ def linear_cost(system: AgileClutter) -> LinearCost:
 def best_action(system: AgileClutter, belief: Belief) -> Array:
     """The one-step scheduler's choice among the candidates, sensor after sensor (section 5.1).
 
-    The choice is not always the best joint one: a later sensor's pulse may favour another pulse of an earlier one.
+    It is not always the best joint choice: a later sensor's pulse may favour another pulse at an earlier sensor.
     """
     predicted, choices = system.predicted_targets(belief), []
     C, windows = system.action_set.sensor_covariances, system.action_set.sensor_windows

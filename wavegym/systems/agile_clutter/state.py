@@ -33,7 +33,7 @@ class World(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What no scheduler may see."""
+    """The part of the state that no scheduler may see."""
 
     targets: Array  # (env, target, 4)
     path: Array  # (env, target, lifetime + 1, 4) true states from each target's birth on
@@ -52,7 +52,7 @@ class Belief(NamedTuple):
 
 
 class Measurements(NamedTuple):
-    """What the sensors report of one step. ``note`` reads the last two; they tell of the truth, so trackers may not."""
+    """What the sensors report of one step. Only ``note`` reads the last two, because they depend on the truth."""
 
     z: Array  # (env, sensor, return, 2) range and range-rate, by increasing range
     present: Array  # (env, sensor, return) bool: False beyond a sensor's number of returns

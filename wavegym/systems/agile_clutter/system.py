@@ -45,46 +45,52 @@ LOST_AFTER = 5  # a track is lost after more returns of its target outside its g
 
 @system_parameters
 class AgileClutter(ClutterScenario, DecisionMakers):
-    """Two radars choose among generalised FM chirps while tracking targets that come and go, in clutter.
+    """Two radars choose generalised FM chirps while they track targets that come and go, in clutter.
 
     Description
-        Each target's state is [x y xdot ydot] (m, m/s), x_k = F x_{k-1} + w_k, white acceleration of density q (eqs. 1
-        and 2). Sensor i measures range and range-rate of every target with covariance N = C / eta (section 3.2), where
-        C is the inverse Fisher information of its chirp at unit SNR and eta = (r0 / r)^4. A target is detected with
-        probability Pd = Pf^(1 / (1 + eta)). Clutter is a Poisson field over range and range-rate, new at every step and
-        sensor and the same for all pulses and trackers; the tracker takes the returns inside its validation gates, so a
-        pulse with large errors also lets more clutter in. The world uses eta at the true range, tracker and schedulers
-        at the predicted one. A receiver is off while its own radar transmits (``eclipsing``): of an echo that comes
-        earlier it sees what is left, through a gate fixed in time, with less SNR and information. Less than 2 % of the
-        energy is not detected; where that is predicted, no gate opens. By default all targets are beyond. Sensor by
-        sensor, unscented filters with exact joint association update all targets. The belief about a target is a
-        Gaussian mixture: every component branches by its associations, and the branches are merged down to
-        ``components`` without a change of the covariance. ``tracker="jpda"`` (joint probabilistic data association)
-        merges all branches into one Gaussian at once and believes too much. ``tracker="particle"``: a Rao-Blackwellised
-        particle filter samples joint associations from their exact posterior. Long, wide chirps measure best; phase
-        functions differ in the correlation of range and range-rate errors.
+        Each target's state is [x y xdot ydot] (m, m/s). It moves as x_k = F x_{k-1} + w_k with white acceleration of
+        density q (eqs. 1 and 2). Sensor i measures range and range-rate of every target with covariance N = C / eta
+        (section 3.2). C is the inverse Fisher information of its chirp at unit SNR, and eta = (r0 / r)^4. A target is
+        detected with probability Pd = Pf^(1 / (1 + eta)). The world uses eta at the true range, tracker and schedulers
+        at the predicted range. Long, wide chirps measure best; phase functions differ in the correlation of range and
+        range-rate errors.
+
+        Clutter is a Poisson field over range and range-rate, new at every step and sensor, and the same for all pulses
+        and trackers. The tracker uses the returns inside its validation gates. A pulse with large errors has large
+        gates, so it also admits more clutter.
+
+        A receiver is off while its own radar transmits (``eclipsing``). Of an echo that arrives earlier it receives
+        only the last part, through a gate fixed in time, with less SNR and information. An echo with less than 2 % of
+        its energy left is not detected; where this is predicted, no gate opens. In the default scenario no echo is
+        eclipsed.
+
+        Unscented filters with exact joint association update all targets, one sensor after another. The belief about a
+        target is a Gaussian mixture. Each component branches by its associations, and the branches are merged down to
+        ``components`` without changing the covariance. ``tracker="jpda"`` (joint probabilistic data association) merges
+        all branches into one Gaussian at once and is overconfident. ``tracker="particle"`` is a Rao-Blackwellised
+        particle filter, which samples joint associations from their exact posterior.
 
     Rewards
         -trace(Lambda P) summed over the targets present, Lambda = diag(weights): m^2, with 1 s^2 on the velocities. P
-        is the covariance of the mixture, the spread of its components included: a track in doubt costs more. Every
-        target exists from its birth to the end of its lifetime, so the cost needs no probability of existence.
-        ``tracker="jpda"`` has a P that stays small for many a lost track (``lost``, ``nees``). ``reward="error"``
-        measures the true error.
+        is the covariance of the mixture, including the spread of its components, so a doubtful track costs more. Every
+        target exists from its birth to the end of its lifetime, so the cost needs no probability of existence. With
+        ``tracker="jpda"`` P stays small for many lost tracks (``lost``, ``nees``). ``reward="error"`` uses the true
+        error.
 
     Starting state
-        True targets start at ``starts``; the first estimate is drawn around the start with covariance P0 =
-        diag(prior_variance). The tracker receives target s at step ``births[s]`` and first measures it a step later.
+        True targets start at ``starts``. The first estimate is drawn around the start with covariance P0 =
+        diag(prior_variance). The tracker receives target s at step ``births[s]`` and first measures it one step later.
 
     Episode end
-        Terminates after ``horizon`` steps, when the last target is gone; the time left is observed.
+        Terminates after ``horizon`` steps, when the last target is gone. The remaining time is observed.
 
     References
         S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
         targets in clutter".
     """
 
-    # Whether returns outside their gates and clutter points count at every sensor, as in the paper, or at the first
-    # that illuminates the target. Only a compiled loop knows the later gates; the parts of a step know the first ones.
+    # Whether returns outside their gates and clutter points count at every sensor, as in the paper, or only at the
+    # first that illuminates the target. Only a compiled loop knows the later gates.
     counts_every_sensor: ClassVar[bool] = False
 
     nees_dimension = 4  # position and velocity
@@ -127,7 +133,7 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         return State(truth, Belief(np.zeros(count, np.int64), mean, covariance, self._hypotheses(mean, covariance)))
 
     def _hypotheses(self, mean: Array, covariance: Array) -> Particles | GaussianMixture | None:
-        """The tracker's hypotheses at the first step: all are one."""
+        """The tracker's hypotheses at the first step: all are equal."""
         if self.tracker == "mixture":
             return single_gaussian(mean, covariance, self.components)
         if self.tracker == "particle":
@@ -289,12 +295,12 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         return out
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """Of each target, 0 unless ``present``: ``position_error`` (m), ``position_variance`` (m^2), ``squared_error``
-        (m^2, weighted with Lambda) and ``nees`` (expected: 4); ``lost``: whether more than five returns have fallen
-        outside its gates at the first sensor of a step that illuminates it. Of the step: ``detections``, and
-        ``clutter`` points inside the gates of targets that no earlier sensor has illuminated; with
-        ``tracker="particle"`` also ``ess`` and ``ancestors``, effective sample size and distinct ancestors as shares of
-        the particles; with ``tracker="mixture"`` of each target the ``components`` in use.
+        """For each target, 0 unless ``present``: ``position_error`` (m), ``position_variance`` (m^2), ``squared_error``
+        (m^2, weighted with Lambda), ``nees`` (expected: 4) and ``lost`` (more than five returns have fallen outside its
+        gates at the first sensor of a step that illuminates it). For the step: ``detections``, and ``clutter`` points
+        inside the gates of targets that no earlier sensor has illuminated. With ``tracker="particle"``: ``ess`` and
+        ``ancestors``, effective sample size and distinct ancestors as shares of the particles. With
+        ``tracker="mixture"``: the ``components`` in use for each target.
         """
         truth, belief = state
         values, flags = np.empty((4, *truth.outside.shape)), np.empty((2, *truth.outside.shape), np.bool_)

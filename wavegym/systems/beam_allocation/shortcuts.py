@@ -1,4 +1,4 @@
-"""What schedulers can know of beams that turn at once."""
+"""Shortcuts for beams that turn at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One beam a radar: which target to illuminate now, and which before it hides."""
+"""Two radars with one beam each: which target to illuminate now, and which before it is hidden."""
 
 from __future__ import annotations
 
@@ -31,34 +31,37 @@ MOST_ACTIONS = 10_000
 
 @system_parameters
 class BeamAllocation(AgileClutter):
-    """Two radars with one beam each share three targets, which hide at times known from the beginning.
+    """Two radars with one beam each share three targets, which are hidden at times known in advance.
 
     Description
         Motion, measurements, clutter and tracker are those of wavegym/AgileClutter-v0. A beam illuminates one target: a
         sensor can detect only the target in its beam, and opens only that target's gate. The radars see the targets at
-        right angles: each resolves another direction, and a target needs both. The receivers' memory limits the
-        product of bandwidth and dwell: a single wide chirp measures range well, a coherent train of eight narrow pulses
-        of the same energy range-rate. The train's range-rates fold, but a fold lies outside the gates, so a return has
-        one meaning only; the tracker needs no fold hypotheses. Every pulse ends before the nearest echo comes. Targets
-        hide behind hills that are on the map, at times known from the beginning; a beam at a hidden target receives no
-        return and opens no gate. For the cost one step ahead the range of the least known target matters most; over
-        several steps, velocities and the target about to hide.
+        right angles. Each resolves a different direction, so a target needs both.
+
+        The receivers' memory limits the product of bandwidth and dwell. A single wide chirp measures range well; a
+        coherent train of eight narrow pulses of the same energy measures range-rate well. The train's range-rates fold,
+        but every fold lies outside the gates. A return therefore has one meaning, and the tracker needs no fold
+        hypotheses. Every pulse ends before the nearest echo arrives.
+
+        Hills on the map hide targets at times known in advance. A beam at a hidden target receives no return and opens
+        no gate. For the cost one step ahead, the range of the least certain target matters most. Over several steps,
+        velocities matter, and the target that will be hidden soon.
 
     Rewards
-        -trace(Lambda P) summed over the targets, hidden ones included, Lambda = diag(weights): m^2, with 1 s^2 on the
+        -trace(Lambda P) summed over the targets, including hidden ones, Lambda = diag(weights): m^2, with 1 s^2 on the
         velocities. P is the covariance of the mixture, as in wavegym/AgileClutter-v0: a lost track costs more. Every
         target exists throughout, so the cost needs no probability of existence.
 
     Starting state
-        True targets start uniformly within ``spread`` of ``starts``; the first estimates are drawn around the truth
+        True targets start uniformly within ``spread`` of ``starts``. The first estimates are drawn around the truth
         with covariance P0 = diag(prior_variance).
 
     Episode end
-        Terminates after ``horizon`` steps; the time left is observed.
+        Terminates after ``horizon`` steps. The remaining time is observed.
 
     References
         S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
-        targets in clutter" (motion, measurements, tracker). The beams and the delayed cost are this suite's own.
+        targets in clutter" (motion, measurements, tracker). This suite adds the beams and the delayed cost.
     """
 
     horizon: int = changed_default(AgileClutter, "horizon", 60)
@@ -71,15 +74,15 @@ class BeamAllocation(AgileClutter):
         unit="m, m/s",
         truth=True,
     )
-    births: tuple[NonNegativeInt, ...] = parameter((0, 0, 0), "0 for every target: all are present throughout")
-    lifetime: int = parameter(60, "at least horizon: all targets are present throughout", ge=1, le=100_000)
+    births: tuple[NonNegativeInt, ...] = parameter((0, 0, 0), "0 for every target: all are always present")
+    lifetime: int = parameter(60, "at least horizon: all targets are always present", ge=1, le=100_000)
     prior_variance: PositiveState = changed_default(AgileClutter, "prior_variance", (100.0, 100.0, 25.0, 25.0))
     clutter_density: float = changed_default(AgileClutter, "clutter_density", 1e-5)
     laws: tuple[str, ...] = changed_default(AgileClutter, "laws", ("pfm:3",))
     durations: tuple[Positive, ...] = parameter((50e-6, 6.25e-6), "duration of each pulse", unit="s")
     sweeps: tuple[Positive, ...] = parameter(
         (40e6, 1e6),
-        "sweep of each chirp, as many as durations; every law with every pair, rising, can be sent at every target",
+        "sweep of each chirp, as many as durations; the chirps are every law with every pair, rising",
         unit="Hz",
     )
     counts: tuple[Count, ...] = parameter((1, 8), "number of coherent pulses of each chirp, as many as durations")
@@ -89,20 +92,22 @@ class BeamAllocation(AgileClutter):
     tracker: Any = changed_default(AgileClutter, "tracker", "mixture")
     spread: NonNegativeState = parameter(
         (1e3, 1e3, 100.0, 100.0),
-        "greatest distance of a first [x y xdot ydot] from its centre",
+        "maximum distance of a first [x y xdot ydot] from its centre",
         unit="m, m/s",
         truth=True,
     )
-    shown: tuple[Count, Count] = parameter((6, 14), "least and greatest number of steps for which a target is visible")
+    shown: tuple[Count, Count] = parameter(
+        (6, 14), "minimum and maximum number of steps in which a target stays visible"
+    )
     hidden: tuple[NonNegativeInt, NonNegativeInt] = parameter(
-        (4, 10), "least and greatest number of steps for which it is then hidden"
+        (4, 10), "minimum and maximum number of steps in which it stays hidden"
     )
     windows: tuple[Window, ...] = parameter(
-        (), "(target, first, last): steps in which a target is hidden; () draws the windows", unit=""
+        (), "(target, first step, last step) in which a target is hidden; () draws the windows", unit=""
     )
 
     def __post_init__(self) -> None:
-        """Check what single fields cannot say."""
+        """Check several fields together."""
         super().__post_init__()
         if any(self.births):
             raise InputError(f"births is {self.births}, expected 0 for every target: all are present throughout")

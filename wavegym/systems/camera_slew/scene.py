@@ -70,7 +70,7 @@ class CameraScene(LookScene):
         return visible
 
     def looks(self, moment: Moment) -> Looks:
-        """The target that the camera was told to look at in each step, and whether it found it."""
+        """The chosen target of each step, and whether the camera found it."""
         chosen = np.array([int(action[0]) for action in moment.actions], np.int64)
         found = [state.truth.seen[0, t] for state, t in zip(moment.states[1:], chosen, strict=True)]
         return Looks(chosen[:, None], np.array(found, np.bool_)[:, None])

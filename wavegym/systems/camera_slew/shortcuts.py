@@ -35,15 +35,15 @@ def fused_transition(system: CameraSlew, state: State, action: Array, world: Wor
 
 @shortcuts.linear_cost.register(CameraSlew)
 def linear_cost(system: CameraSlew) -> LinearCost:
-    """All targets move alike but for their process noise."""
+    """All targets have the same motion model except for their process noise."""
     return system.linear_cost
 
 
 @shortcuts.delay.register(CameraSlew)
 def delay(system: CameraSlew, belief: Belief) -> Array:
-    """Steps without sight before the camera sees each target, if it turns to it from now on, (env, candidate) int.
+    """Steps until the camera can see each target, if it starts to turn now, (env, candidate) int.
 
-    They last until the camera has turned and settled and the target has come out of cover.
+    By then the camera has turned and settled, and the line of sight is free.
     """
     return system._turns(belief)[0]
 
@@ -53,8 +53,8 @@ def gain(system: CameraSlew, belief: Belief, wait: Array | int, ahead: int) -> A
     """Reduction of the summed cost by one look at each target after ``wait`` steps.
 
     The sum runs over ``ahead`` steps from the look on, and over all targets in the image then, each weighted with
-    the probability of being found. The radars' measurements before the look count as if taken with it: without
-    them, a look at a distant target would seem worth more than it is. Their measurements after it are left out.
+    the probability of being found. The radars' measurements before the look count as if taken with it; without
+    them, the gain of a look at a distant target would be overestimated. Their measurements after it are omitted.
 
     Args:
         belief: the belief.
@@ -82,7 +82,7 @@ def measured_fields(system: CameraSlew) -> MeasuredFields:
         received_values,
         (
             ObservationField("pointing", "rad", 0.0, 1.8, "azimuth to which the camera points"),
-            ObservationField("settling", "1", 0.5, 1.0, "steps to settle that are left after the camera's turn"),
+            ObservationField("settling", "1", 0.5, 1.0, "remaining steps to settle after the camera's turn"),
         ),
         _camera,
     )

@@ -27,7 +27,7 @@ class World(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What no scheduler sees."""
+    """The part of the state that no scheduler sees."""
 
     targets: Array  # (env, target, 4)
     received: Array  # (env, target) int: measured quantities of the last step
@@ -62,22 +62,20 @@ class Belief(NamedTuple):
 
 
 def camera_fields(targets: int) -> tuple[ObservationField, ...]:
-    """Observation elements: time left, the camera, and what a look at each target needs."""
+    """Observation fields: time left, the camera, and the target of each look."""
     listed = [
-        ObservationField("time_left", "1", 0.5, 0.5, "share of the episode's steps that are left"),
-        ObservationField("settling", "1", 0.5, 1.0, "steps to settle that are left after the camera's turn"),
+        ObservationField("time_left", "1", 0.5, 0.5, "remaining share of the episode's steps"),
+        ObservationField("settling", "1", 0.5, 1.0, "remaining steps to settle after the camera's turn"),
     ]
     for t in range(1, targets + 1):
-        where = f"target {t}, as predicted one step ahead"
+        where = f"target {t}, predicted one step ahead"
         listed += [
-            ObservationField(f"bearing_{t}", "rad", 0.0, 1.0, f"from where the camera points to {where}"),
-            ObservationField(f"delay_{t}", "1", 4.0, 4.0, f"steps without sight before the camera sees {where}"),
-            ObservationField(f"in_view_{t}", "1", 0.5, 0.5, f"1 if the camera sees {where}, without any delay, else 0"),
+            ObservationField(f"bearing_{t}", "rad", 0.0, 1.0, f"azimuth of {where}, relative to the camera's pointing"),
+            ObservationField(f"delay_{t}", "1", 4.0, 4.0, f"steps until the camera can see {where}"),
+            ObservationField(f"in_view_{t}", "1", 0.5, 0.5, f"1 if the camera can see {where}, without delay, else 0"),
+            ObservationField(f"visible_{t}", "1", 0.5, 0.5, f"1 if the line of sight to target {t} is free, else 0"),
             ObservationField(
-                f"visible_{t}", "1", 0.5, 0.5, f"1 if nothing blocks the line of sight to target {t}, else 0"
-            ),
-            ObservationField(
-                f"changes_{t}", "step", 0.5 * SOON, 0.5 * SOON, f"steps until that changes, at most {SOON}"
+                f"changes_{t}", "step", 0.5 * SOON, 0.5 * SOON, f"steps until its line of sight changes, at most {SOON}"
             ),
             ObservationField(f"log10_q_{t}", "log10(m^2/s^3)", 0.0, 0.5, f"process noise density of target {t}"),
         ]

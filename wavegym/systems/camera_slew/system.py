@@ -1,4 +1,4 @@
-"""RF/EO platforms whose camera has to turn: looking elsewhere costs steps without sight."""
+"""RF/EO platforms whose camera has to turn, which costs steps without measurements."""
 
 from __future__ import annotations
 
@@ -66,57 +66,59 @@ Distance = Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]
 
 @system_parameters
 class CameraSlew(System, PlaysRecordings, TimedPulses):
-    """A radar sees all targets but no azimuth; a camera sees one direction, has to turn, and is blocked at times.
+    """A radar measures no azimuth; a camera sees one direction, needs time to turn, and is sometimes blocked.
 
     Description
-        Targets and radar are those of wavegym/RfEo-v0. The radar stares: at every step it measures range and
-        range-rate of every target, but no azimuth. The camera on the first platform measures the azimuths of the
-        targets in its image. An action names the target to look at: the camera turns towards its predicted azimuth at
-        ``slew`` rad/s at most. A turn of more than half the field of view blinds the camera until it has arrived and
-        then settled for ``settle`` steps; a smaller turn, to follow a target, does not. A target in the image is found
-        with the probability ``detection`` (haze, foliage, glare). In windows known from the beginning, clouds, smoke or
-        tree lines block the camera's line of sight to a target; the radar sees through them. The process noise density
-        of each target is known too. There is one waveform: r |rdot| stays below c lambda / 8, so a single pulse
-        repetition frequency measures both range and range-rate without ambiguity.
+        Targets and radar are those of wavegym/RfEo-v0. The radar stares: at every step it measures range and range-rate
+        of every target, but no azimuth. The camera on the first platform measures the azimuths of the targets in its
+        image.
 
-        Without the camera a target's cross-range is open, and its posterior bends along a circle about the radar. The
-        tracker is a Kalman filter in polar coordinates about the first platform [r, rdot, azimuth, cross velocity], in
-        which its measurements are linear; sigma points take the estimate through the motion. A look that does not find
-        a target is evidence against the azimuths in the image. The belief holds the polar Gaussian and its exact
-        Cartesian mean and covariance.
+        An action names the target to look at. The camera turns towards its predicted azimuth at up to ``slew`` rad/s. A
+        turn of more than half the field of view blinds the camera until it has arrived and settled for ``settle``
+        steps. A smaller turn, to follow a target, does not. The camera finds a target in the image with probability
+        ``detection`` (haze, foliage, glare). Clouds, smoke or tree lines block its line of sight to a target in windows
+        known in advance; the radar sees through them. The process noise density of each target is also known. There is
+        one waveform: r |rdot| stays below c lambda / 8, so a single pulse repetition frequency measures both range and
+        range-rate without ambiguity.
+
+        Without the camera, the uncertainty of a target grows in cross-range, and its posterior bends along a circle
+        about the radar. The tracker is a Kalman filter in polar coordinates about the first platform [r, rdot, azimuth,
+        cross velocity], in which its measurements are linear. Sigma points carry the estimate through the motion. A
+        look that does not find a target is evidence against the azimuths in the image. The belief holds the polar
+        Gaussian and its exact Cartesian mean and covariance.
 
     Rewards
         -trace(W P) summed over the targets, W = diag(weights): m^2, with 1 s^2 on the velocities.
 
     Starting state
         Targets are uniform in azimuth (``sector``) and range (``ranges``) around the first platform. Their velocities
-        in x and y are normal with the standard deviation ``speed``. Process noise densities are log-uniform in ``q``.
-        The estimates are drawn around the truth with covariance P0 = diag(prior_variance). The camera looks along +y,
-        settled.
+        in x and y are normal with standard deviation ``speed``. Process noise densities are log-uniform in ``q``. The
+        estimates are drawn around the truth with covariance P0 = diag(prior_variance). The camera looks along +y and
+        has settled.
 
     Episode end
-        Terminated after ``horizon`` steps; the time left is observed.
+        Terminates after ``horizon`` steps. The remaining time is observed.
 
     References
         S. M. O'Rourke and A. L. Swindlehurst, "Adaptive RF/EO sensing with field-of-view constraints": the platforms
-        and their measurements. The turning camera is ours.
+        and their measurements. This suite adds the turning camera.
     """
 
     horizon: int = parameter(60, "steps in an episode", ge=1, le=LONGEST)
     dt: float = parameter(1.0, "time step", unit="s", gt=0, le=1e6)
     q: tuple[Positive, Positive] = parameter(
         (0.02, 2.0),
-        "bounds of the process noise density: from a straight road to manoeuvres",
+        "bounds of the process noise density",
         unit="m^2/s^3",
         truth=True,
     )
     turn_rate: TurnRate = parameter(0.0, "turn rate of the targets' velocities, to the left", unit="rad/s", truth=True)
     targets: int = parameter(4, "number of targets", ge=1, le=MOST)
     sector: tuple[Azimuth, Azimuth] = parameter(
-        (-1.5, 1.5), "least and greatest azimuth of the targets' starts, clockwise from +y", unit="rad", truth=True
+        (-1.5, 1.5), "minimum and maximum azimuth of the targets' starts, clockwise from +y", unit="rad", truth=True
     )
     ranges: tuple[Distance, Distance] = parameter(
-        (2e3, 5e3), "least and greatest range of the targets' starts", unit="m", truth=True
+        (2e3, 5e3), "minimum and maximum range of the targets' starts", unit="m", truth=True
     )
     speed: float = parameter(
         5.0, "standard deviation of each velocity component at the start", unit="m/s", truth=True, ge=0
@@ -126,42 +128,35 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
     )
     platforms: tuple[Position, ...] = parameter(
         ((0.0, 0.0),),
-        "positions (x, y), each with a radar; the first carries the camera. With a single radar, only the camera "
-        "measures cross-range",
+        "positions (x, y), each with a radar; the first carries the camera",
         unit="m",
     )
     half_field: float = parameter(
         0.15,
-        "half the camera's field of view, wide enough for a track without a look for some steps",
+        "half the camera's field of view",
         unit="rad",
         gt=0,
         le=0.5 * math.pi,
     )
-    slew: float = parameter(
-        math.radians(30.0), "greatest turn rate of the camera, a pan-tilt head's", unit="rad/s", gt=0, le=FASTEST
-    )
-    settle: int = parameter(3, "steps to settle, focus and search the image after a turn", ge=0, le=1000)
+    slew: float = parameter(math.radians(30.0), "maximum turn rate of the camera", unit="rad/s", gt=0, le=FASTEST)
+    settle: int = parameter(3, "steps to settle, focus and search the image after a large turn", ge=0, le=1000)
     detection: float = parameter(0.7, "probability that a target in the image is found", truth=True, ge=0, le=1)
-    shown: tuple[int, int] = parameter((6, 14), "least and greatest number of steps in the camera's sight, by turns")
-    hidden: tuple[int, int] = parameter((4, 10), "least and greatest number of steps out of sight, by turns")
+    shown: tuple[int, int] = parameter((6, 14), "minimum and maximum number of steps in which a target stays visible")
+    hidden: tuple[int, int] = parameter((4, 10), "minimum and maximum number of steps in which it stays hidden")
     windows: tuple[Window, ...] = parameter(
-        (), "given windows out of sight, in place of drawn ones: (target, first step, last step)", unit=""
+        (), "(target, first step, last step) in which a target is hidden; () draws the windows", unit=""
     )
     pixels: int = parameter(1000, "pixels across the image", truth=True, ge=1, le=1_000_000)
     carrier_hz: float = parameter(10e9, "carrier frequency fc", unit="Hz", gt=0, le=1e15)
     prf: float = parameter(10e3, "pulse repetition frequency", unit="Hz", gt=0, le=0.5 * GREATEST)
-    bandwidth: float = parameter(
-        2e6, "bandwidth B, narrow as a surveillance radar's", unit="Hz", truth=True, gt=0, le=GREATEST
-    )
+    bandwidth: float = parameter(2e6, "bandwidth B", unit="Hz", truth=True, gt=0, le=GREATEST)
     fft_length: int = parameter(128, "Nfft, pulses integrated", truth=True, ge=1, le=1_000_000)
-    iterations: int = parameter(
-        10, "most iterations of an update with several platforms; a single one needs none", ge=1, le=1_000_000
-    )
+    iterations: int = parameter(10, "maximum iterations of an update; a single platform needs none", ge=1, le=1_000_000)
     weights: StateWeights = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of W", unit="1, s^2")
     nearest_range: float = parameter(
-        1.0, "a platform nearer to a target than this measures nothing of it", unit="m", truth=True, gt=0, le=FARTHEST
+        1.0, "a platform does not measure targets nearer than this", unit="m", truth=True, gt=0, le=FARTHEST
     )
-    tracks: Path | None = tracks_parameter("in place of drawn targets")
+    tracks: Path | None = tracks_parameter("that replaces the drawn targets")
     radar: tuple[float, ...] | None = radar_parameter()
     farthest_range: float = farthest_range_parameter(10e3)
     smoothing: float | None = smoothing_parameter()
@@ -169,7 +164,7 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
     nees_dimension = 4  # position and velocity
 
     def __post_init__(self) -> None:
-        """Check what single fields cannot say."""
+        """Check several fields together."""
         for name in ("sector", "ranges", "q"):
             check_ordered(name, *getattr(self, name))
         window_draws(self.horizon, self.shown, self.hidden)
@@ -411,7 +406,7 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """The observation: that of the RF/EO system, time left, the camera, and what a look at each target needs."""
+        """The observation: that of the RF/EO system, time left, the camera, and the target of each look."""
         return (*self.loop.observation_fields, *camera_fields(self.targets))
 
     def observe(self, belief: Belief) -> Array:

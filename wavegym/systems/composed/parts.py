@@ -1,4 +1,4 @@
-"""The parts of a composed loop: what each has to offer, and ready ones.
+"""The parts of a composed loop: their protocols, and ready parts.
 
 Shapes: env environments, candidate pulses that a scheduler compares, n states of a target, m measured quantities.
 Functions of states take arrays with any leading axes. The tracker's protocol is ``wavegym.trackers.protocol.Tracker``.
@@ -47,7 +47,7 @@ class Targets(Protocol):
 
 @runtime_checkable
 class Waveforms(Protocol):
-    """What may be transmitted.
+    """The pulses that may be transmitted.
 
     Attributes:
         actions: the action set; an action is an index.
@@ -58,12 +58,12 @@ class Waveforms(Protocol):
         """The action set."""
 
     def pulse(self, actions: Array) -> Array:
-        """What the sensor is told of the pulses of ``actions`` (...): an array (..., ...), such as a covariance."""
+        """The pulses of ``actions`` (...) as the sensor needs them: an array (..., ...), such as a covariance."""
 
 
 @runtime_checkable
 class Objective(Protocol):
-    """What the loop is to keep small."""
+    """The cost that the loop minimises."""
 
     def cost(self, estimate: Estimate) -> Array:
         """The cost of estimates, with their leading axes, from means (..., target, n) and covariances."""
@@ -86,9 +86,10 @@ class Errors(NamedTuple):
 
 
 class Sensor(ABC):
-    """A sensor that measures every target that it detects; without false returns.
+    """A sensor that measures every detected target, without false returns.
 
-    A sensor of your own states how it sees a state, with which error, and how surely. Randomness is drawn here.
+    Your own sensor gives the measurement, its error covariance and the detection probability. This class draws the
+    random numbers.
     """
 
     quantities: tuple[Quantity, ...]
@@ -182,7 +183,7 @@ def _times(matrix: Array, vectors: Array) -> Array:
 
 @dataclass(frozen=True)
 class Pulses:
-    """A library of waveforms; the sensor is told the measurement covariance at unit SNR.
+    """A library of waveforms; the sensor receives the measurement covariance at unit SNR.
 
     Args:
         library: waveforms (``wavegym.waveforms.Waveform``).
@@ -219,7 +220,7 @@ class LineOfSightRadar(Sensor):
 
     Args:
         reference_range: range at which eta = 1, m; eta = (reference_range / r)^4.
-        nearest_range: the SNR grows no further below it, m.
+        nearest_range: below it the SNR stays constant, m.
     """
 
     reference_range: float = 50e3

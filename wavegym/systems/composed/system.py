@@ -37,7 +37,7 @@ class World(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What no scheduler sees."""
+    """The part of the state that no scheduler sees."""
 
     targets: Array  # (env, target, n)
 
@@ -61,20 +61,20 @@ class Measurements(NamedTuple):
 
 
 def _about(description: str, unit: str = "", truth: bool = False) -> dict[str, Any]:
-    """What ``describe`` says of a field."""
+    """A field as ``describe`` shows it."""
     return {"description": description, "unit": unit, "truth": truth}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Loop(System):
-    """Targets, a sensor, a tracker, waveforms and an objective, each a part that anybody may write.
+    """Targets, a sensor, a tracker, waveforms and an objective: five parts that anybody may write.
 
     Description
-        At every step the targets move, the sensor measures those that it detects with the chosen pulse, and the tracker
-        updates its estimates. A return tells from which target it comes. Schedulers predict with the motion model of
-        the targets, or the process noise that the tracker believes in, and an extended Kalman update, whatever the
-        tracker. ``truth={"targets": ..., "sensor": ...}`` puts
-        other parts into the world than the tracker assumes; they have the same draws.
+        At every step the targets move, the sensor measures the targets that it detects with the chosen pulse, and the
+        tracker updates its estimates. The association of returns to targets is known. Schedulers predict with an
+        extended Kalman update, whatever the tracker. Their process noise is that of the targets' motion model, or the
+        tracker's own estimate of it. ``truth={"targets": ..., "sensor": ...}`` puts other parts into the world than the
+        tracker assumes; they use the same draws.
 
     Rewards
         Minus the objective's cost.
@@ -83,7 +83,7 @@ class Loop(System):
         That of the targets.
 
     Episode end
-        Terminates after ``horizon`` steps; the time left is observed.
+        Terminates after ``horizon`` steps. The remaining time is observed.
     """
 
     targets: Targets = field(metadata=_about("where targets start and how they move: a Targets", truth=True))
@@ -92,7 +92,7 @@ class Loop(System):
     objective: Objective = field(metadata=_about("what is to be small: an Objective"))
     tracker: Tracker | str = field(
         default=ExtendedKalman(),
-        metadata=_about('a Tracker of wavegym.trackers.protocol, or "package.module:name" of what makes one'),
+        metadata=_about('a Tracker of wavegym.trackers.protocol, or "package.module:name" of its factory'),
     )
     horizon: int = field(default=50, metadata=_about("steps in an episode", "1"))
     dt: float = field(default=1.0, metadata=_about("time between steps, for display", "s"))
@@ -135,7 +135,7 @@ class Loop(System):
     def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
         """A measurement of each target with the world's error, and the error's covariance as the tracker assumes it.
 
-        The assumed covariance is that at the true state: the receiver measures its SNR.
+        The assumed covariance is that at the true state, because the receiver measures its SNR.
         """
         sensor, pulse = self.truth_model.sensor, self.waveforms.pulse(action)[:, None]
         rows = np.arange(len(belief.step)), belief.step
@@ -167,7 +167,7 @@ class Loop(System):
         """Predicted means, and covariances after an extended Kalman update with the predicted probability of detection.
 
         ``outcome``: uniform draws (env, target) or (env, candidate, target); a draw below that probability is a
-        detection. The process noise that the tracker believes in stays as it is.
+        detection. The tracker's process noise does not change.
         """
         several = actions.ndim == 2
         pulse = self.waveforms.pulse(actions if several else actions[:, None])[:, :, None]  # (env, candidate, 1, ...)
@@ -198,7 +198,7 @@ class Loop(System):
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """The time left; for each target the deviations of its state, and what the sensor would measure next."""
+        """The time left; for each target the deviations of its state, and its next predicted measurement."""
         listed = [ObservationField("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come")]
         for t in range(1, self.targets.count + 1):
             of = f"of target {t}, one step ahead"

@@ -1,4 +1,4 @@
-"""An account of energy, in whole quanta so that rounding loses nothing."""
+"""An energy account in whole quanta, which avoids rounding errors."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ class PulseActions:
     """One chirp at constant peak power in several durations, or silence, for each of several sensors.
 
     A sensor's options are silence and the durations from the shortest to the longest. The energy of a pulse, and with
-    it the SNR, is its duration over the longest. AgileClutter reads the attributes that ChirpActions has, too.
+    it the SNR, is its duration over the longest. AgileClutter also reads the attributes of ChirpActions.
 
     Args:
         law: phase function of the chirp.

@@ -1,4 +1,4 @@
-"""The energy budget with occlusions that are known from the beginning."""
+"""The energy budget with occlusions that are known in advance."""
 
 from __future__ import annotations
 
@@ -33,22 +33,23 @@ class Belief(NamedTuple):
 
 @system_parameters
 class EnergyBudgetKnown(EnergyBudget):
-    """Two radars share an energy budget for a whole episode; all occlusions are known from the beginning.
+    """Two radars share an energy budget for a whole episode; all occlusions are known in advance.
 
     Description
         As wavegym/EnergyBudget-v0 with a stronger target, which is nearly always detected. Clear and occluded spells
-        are drawn for each world, each length equally likely, and known from the first step, like a scheduled blanking
-        of a sector or terrain along a planned path. The choice at a step knows whether its slot is occluded. The spells
-        are long and the account, a battery's, pays four longest pulses: each has to be placed.
+        are drawn for each world, each length equally likely. They are known from the first step, like a scheduled
+        blanking of a sector or terrain along a planned path. At each step the radars know whether the next slot is
+        occluded. The spells are long, and the energy account pays for only four longest pulses, so the timing of each
+        matters.
 
     Rewards
         As wavegym/AgileClutter-v0: -trace(Lambda P).
 
     Starting state
-        As wavegym/EnergyBudget-v0; the episode begins anywhere in a clear spell and the occluded one after it.
+        As wavegym/EnergyBudget-v0. The episode begins anywhere in a clear spell or the occluded spell after it.
 
     Episode end
-        Terminates after ``horizon`` steps; the time left is observed.
+        Terminates after ``horizon`` steps. The remaining time is observed.
 
     References
         As wavegym/EnergyBudget-v0.
@@ -58,16 +59,16 @@ class EnergyBudgetKnown(EnergyBudget):
     budget: float = changed_default(EnergyBudget, "budget", 0.06)
     mean_clear: float = parameter(12.0, "not used", ge=1, le=1e6)
     mean_occluded: float = parameter(6.0, "not used", ge=1, le=1e6)
-    shown: tuple[Count, Count] = parameter((8, 20), "least and greatest number of steps of a clear spell")
+    shown: tuple[Count, Count] = parameter((8, 20), "minimum and maximum number of steps of a clear spell")
     hidden: tuple[NonNegativeInt, NonNegativeInt] = parameter(
-        (8, 20), "least and greatest number of steps of an occluded spell"
+        (8, 20), "minimum and maximum number of steps of an occluded spell"
     )
     windows: tuple[tuple[int, int], ...] = parameter(
-        (), "(first, last): occluded steps, both included, the same in every world; () draws the spells", unit=""
+        (), "(first step, last step) of each occluded spell, the same in every world; () draws the spells", unit=""
     )
 
     def __post_init__(self) -> None:
-        """Check what single fields cannot say."""
+        """Check several fields together."""
         super().__post_init__()
         _ = self._occlusion_draws
         if self.windows and not self._given().any():
@@ -123,7 +124,7 @@ class EnergyBudgetKnown(EnergyBudget):
                 )
                 for k in range(1, CHANGES + 1)
             ),
-            ObservationField("visible_ahead", "1", 0.5, 0.3, "share of the slots still to come that are clear"),
+            ObservationField("visible_ahead", "1", 0.5, 0.3, "share of the remaining slots that are clear"),
         )
 
     def _observed_occlusion(self, belief: Any) -> tuple[Array, ...]:

@@ -1,4 +1,4 @@
-"""What schedulers can know and do faster with an account of energy, and a step in compiled form."""
+"""Shortcuts for schedulers with an energy account, and a step in compiled form."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Two radars that share an account of energy, before a jammer that comes and goes."""
+"""Two radars that share an energy account while a jammer comes and goes."""
 
 from __future__ import annotations
 
@@ -34,32 +34,35 @@ class EnergyBudget(AgileClutter):
     """Two radars share an energy budget for a whole episode while a jammer comes and goes.
 
     Description
-        As wavegym/AgileClutter-v0 with one target, weaker and manoeuvring. Each radar is silent or sends one of three
-        durations of one chirp at constant peak power, so a pulse's SNR, detection probability and energy grow with its
-        duration. The longest pulse costs 1; one account of ``budget`` a step pays both radars, far less than they could
-        use, and keeps unspent energy. The mask excludes actions that the account cannot pay; such an action, taken all
-        the same, becomes the dearest affordable one in which no radar sends longer than asked, or silence (metric
-        ``replaced``). Energy is counted in whole quanta.
-        A jammer or a rain cell occludes the target from both radars: a two-state Markov chain with onset and end of
-        known rates. Receivers listen between pulses, so the state of the slot just ended is known without transmitting;
-        the state of the next slot is not, so an onset may waste a pulse. In an occluded slot the radars receive nothing
-        and lose the energy of their pulses.
+        As wavegym/AgileClutter-v0 with one target, which is weaker and manoeuvres. Each radar is silent or sends one of
+        three durations of one chirp at constant peak power. SNR, detection probability and energy grow with the
+        duration.
+
+        The longest pulse costs 1. Both radars share one energy account of ``budget`` a step, far less than they could
+        use; unspent energy is kept. The mask excludes actions that the account cannot pay. If such an action is taken,
+        the radars send the most expensive affordable action in which neither exceeds the chosen duration, or stay
+        silent (metric ``replaced``). Energy is counted in whole quanta.
+
+        A jammer or a rain cell occludes the target from both radars. Occlusion is a two-state Markov chain with known
+        rates of onset and end. Receivers listen between pulses, so the state of the last slot is known without
+        transmitting. The state of the next slot is not, so an onset may waste a pulse. In an occluded slot the radars
+        receive nothing and lose the energy of their pulses.
 
     Rewards
-        -trace(Lambda P), P the covariance of the mixture, as in wavegym/AgileClutter-v0: a lost track costs more. Every
-        target exists throughout, so the cost needs no probability of existence.
+        -trace(Lambda P), where P is the covariance of the mixture, as in wavegym/AgileClutter-v0: a lost track costs
+        more. Every target exists throughout, so the cost needs no probability of existence.
 
     Starting state
-        Each target starts uniformly within ``spread`` of ``starts``, the first estimate is drawn around the start with
-        covariance diag(prior_variance), the account is full and the air clear. The region lies well off the line
-        through both radars, where both would measure the same.
+        Each target starts uniformly within ``spread`` of ``starts``. The first estimate is drawn around the start with
+        covariance diag(prior_variance). The account is full and the air is clear. The region lies well off the line
+        through both radars, on which both would measure the same.
 
     Episode end
-        Terminates after ``horizon`` steps; the time left is observed.
+        Terminates after ``horizon`` steps. The remaining time is observed.
 
     References
         The loop is that of S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for
-        tracking multiple targets in clutter"; budget and occlusions are proposals of ours.
+        tracking multiple targets in clutter". This suite adds the budget and the occlusions.
     """
 
     strict: ClassVar[bool] = False
@@ -76,7 +79,7 @@ class EnergyBudget(AgileClutter):
     )
     spread: NonNegativeState = parameter(
         (5e3, 4e3, 100.0, 100.0),
-        "greatest distance of a first [x y xdot ydot] from its centre",
+        "maximum distance of a first [x y xdot ydot] from its centre",
         unit="m, m/s",
         truth=True,
     )
@@ -85,17 +88,17 @@ class EnergyBudget(AgileClutter):
     prior_variance: PositiveState = changed_default(AgileClutter, "prior_variance", (100.0, 100.0, 25.0, 25.0))
     clutter_density: float = changed_default(AgileClutter, "clutter_density", 1e-6)
     laws: tuple[str, ...] = parameter(
-        ("pfm:3",), 'phase function of the chirp, one: "lfm", "pfm:KAPPA", "hfm:SHAPE" or "efm:SHAPE"', unit=""
+        ("pfm:3",), 'one phase function, of the chirp: "lfm", "pfm:KAPPA", "hfm:SHAPE" or "efm:SHAPE"', unit=""
     )
     durations: tuple[Positive, ...] = parameter(
         (25e-6, 50e-6, 100e-6), "durations of the pulses, multiples of a common unit", unit="s"
     )
-    sweeps: tuple[Positive, ...] = parameter((15e6,), "sweep of the chirp, one", unit="Hz")
+    sweeps: tuple[Positive, ...] = parameter((15e6,), "one sweep, of the chirp", unit="Hz")
     direction: Literal["up", "down"] = parameter("up", "direction of the sweep", unit="")
     budget: float = parameter(
         0.27,
-        "energy per step of the episode, in longest pulses of one radar; the full account holds horizon times as much, "
-        "rounded down to whole quanta",
+        "energy per step, in longest pulses of one radar; a full account holds horizon times this, rounded down to "
+        "whole quanta",
         gt=0,
     )
     mean_clear: float = parameter(12.0, "mean number of steps of a clear spell", truth=True, ge=1, le=1e6)
@@ -105,7 +108,7 @@ class EnergyBudget(AgileClutter):
     tracker: Any = changed_default(AgileClutter, "tracker", "mixture")
 
     def __post_init__(self) -> None:
-        """Check what single fields cannot say."""
+        """Check several fields together."""
         for name in ("laws", "sweeps"):
             if len(getattr(self, name)) != 1:
                 raise InputError(f"{name} is {getattr(self, name)}, expected one: pulses differ in duration only")
@@ -115,7 +118,7 @@ class EnergyBudget(AgileClutter):
         self._check_budget()
 
     def _check_budget(self) -> None:
-        """InputError for a budget that radars cannot spend, or that does not pay the cheapest pulse of an episode."""
+        """InputError for a budget that radars cannot spend, or that does not pay for the cheapest pulse."""
         cheapest = float(self.action_set.shares[1])
         least = cheapest / self.horizon
         if self.budget * self.horizon * ROUND < cheapest:
@@ -178,7 +181,7 @@ class EnergyBudget(AgileClutter):
         return Belief(base.step, base.mean, base.covariance, base.hypotheses, energy, occlusion)
 
     def measure(self, truth: Truth, belief: Any, action: Array, world: Any) -> Measurements:
-        """AgileClutter's, of the pulses that the account pays; none in an occluded slot."""
+        """AgileClutter's, of the pulses that the account can pay; none in an occluded slot."""
         used, _, is_clear = self._slot(belief, action, world)
         base = self._receive(truth, belief, self._in_slot(used, is_clear), world)
         return Measurements(*base, self.spending[used], ~is_clear, used != action)
@@ -313,6 +316,6 @@ class EnergyBudget(AgileClutter):
         return (belief.occluded,)
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """AgileClutter's; ``energy`` left; of the last step: energy ``spent``, ``occluded``, whether ``replaced``."""
+        """AgileClutter's, and ``energy`` left. For the step: energy ``spent``, ``occluded``, whether ``replaced``."""
         own = {name: getattr(state.truth, name).copy() for name in ("spent", "occluded", "replaced")}
         return {**super().state_info(state), "energy": state.belief.energy.copy(), **own}

@@ -1,4 +1,4 @@
-"""What a radar with Gaussian chirps may transmit: a library, or the box that the library spans."""
+"""The pulses of a radar with Gaussian chirps: a library, or the box that the library spans."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class GaussianActions:
 
     @property
     def actions(self) -> Library | ParameterBox:
-        """What an action means."""
+        """The action set of this form."""
         return self.box if self.continuous else self.library
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What a receiver that is off during transmission sees of a Gaussian chirp's echo, in closed form.
+"""The visible part of a Gaussian chirp's echo if the receiver is off during transmission, in closed form.
 
 ``wavegym.sensors.eclipsing`` has the same for any waveform, from tables of its moments.
 """
@@ -19,14 +19,15 @@ def visible_information(duration: Array, range_m: Array) -> Array:
     """Share of a Gaussian chirp's Fisher information that is left in the echo of its own pulse, at least 1e-9.
 
     The receiver opens when the transmitted interval ends, T/2 after the middle of the pulse (T = 3.64 k holds 99 % of
-    the energy). Of an echo from range r it sees t >= T/2 - 2 r / c. The derivatives of s(t) by delay and by Doppler are
-    both t s(t) times a constant, so their inner products over the open gate, less the projection on s, are those of
-    the whole pulse times one number: the variance of t over the gate (with the energy in it as weight) over k^2 / 2.
-    With a = sqrt(2) (T/2 - 2 r / c) / k, Q the upper tail of the normal distribution and m = phi(a) / Q(a), it is
+    the energy). Of an echo from range r it receives t >= T/2 - 2 r / c. The derivatives of s(t) by delay and by Doppler
+    are both t s(t) times a constant. Their inner products over the open gate, less the projection on s, are therefore
+    those of the whole pulse times one number: the variance of t over the gate (weighted with the energy in it) over
+    k^2 / 2. With a = sqrt(2) (T/2 - 2 r / c) / k, Q the upper tail of the normal distribution and m = phi(a) / Q(a),
+    it is
 
         h(a) = Q(a) (1 + a m - m^2).
 
-    The gate stands still in time, so the cut adds no delay information of its own.
+    The gate is fixed in time, so the cut adds no delay information.
 
     Args:
         duration: k, s, any shape.

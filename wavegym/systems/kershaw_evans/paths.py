@@ -13,7 +13,7 @@ from wavegym.targets.recorded_paths import RecordedPaths
 
 
 class PathSource(Protocol):
-    """Makes true paths of a tape's draws."""
+    """Makes true paths from a tape's draws."""
 
     def __call__(self, start: Array, process: Array) -> Array:
         """Paths (env, H + 1, n), C-contiguous, from uniform draws (env, n) and normal ones (env, H, n)."""
@@ -42,7 +42,7 @@ class ScriptedRange:
     times: Array  # (H + 1,)
 
     def __call__(self, start: Array, process: Array) -> Array:
-        """See ``PathSource``. Where the state has an acceleration, the script's own stands in its place."""
+        """See ``PathSource``. If the state has an acceleration, it is that of the script."""
         first, n = self.low + self.width * start, len(self.low)
         scripted = (ScriptedPath((x[0],), (x[1],), self.segments).sample(self.times) for x in first)
         return np.stack([np.concatenate(motion, axis=1)[:, :n] for motion in scripted])

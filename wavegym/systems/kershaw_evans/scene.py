@@ -110,7 +110,7 @@ class LineOfSightScene:
         axes.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]))
 
     def _snr(self, moment: Moment) -> float:
-        """eta at the true range: what the pulse was received with."""
+        """eta at the true range, that of the received pulse."""
         r = moment.states[-1].truth.targets[0, 0]
         return float(range_law_snr(abs(r), self.system.reference_range, self.system.nearest_range))
 

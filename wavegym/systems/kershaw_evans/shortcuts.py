@@ -39,7 +39,7 @@ def fused_transition(system: KershawEvans, state: State, action: Array, world: W
 def _cut_pulses(system: KershawEvans, action: Array, path: Array, step: Array) -> Pulses:
     """What the receiver sees of the given pulses of a step, which are cut by tables."""
     each = np.arange(len(step))
-    ahead = np.minimum(step + 1, system.horizon)  # past the end of an episode nobody uses the result
+    ahead = np.minimum(step + 1, system.horizon)  # past the end of an episode the result is not used
     return Pulses(system._received(action, path[each, ahead, 0]), np.ones(len(each)), each, -math.inf)
 
 
@@ -84,7 +84,7 @@ def linear_cost(system: KershawEvans) -> LinearCost:
 
 @shortcuts.next_pulse.register(KershawEvans)
 def next_pulse(system: KershawEvans, belief: Belief) -> tuple[Array, Array]:
-    """What the next pulse will meet: predicted covariance (env, n, n), and eta at the predicted range (env,)."""
+    """Predicted covariance (env, n, n), and eta at the predicted range (env,), at the next pulse."""
     F, Q, *_ = system._radar(belief)
     mean, P = predict(belief.mean, belief.covariance, F, Q)
     return P, range_law_snr(abs(mean[:, 0]), system.reference_range, system.nearest_range)

@@ -1,4 +1,4 @@
-"""A target on one line of sight: tape, truth, belief, and what an agent is shown of it."""
+"""A target on one line of sight: tape, truth, belief and observation fields."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from wavegym.core.system import ObservationField
 
 
 class World(NamedTuple):
-    """One episode's tape: standard uniform and normal draws, whatever the scenario makes of them."""
+    """One episode's tape: standard uniform and normal draws, the same for every scenario."""
 
     uniform: Array  # (2, n) where the target starts (or which recording it flies), and how well it is known
     # row k: manoeuvre (n) and measurement error (2) of step k; row 0: error of the first estimate
@@ -17,7 +17,7 @@ class World(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What no scheduler sees."""
+    """The part of the state that no scheduler sees."""
 
     targets: Array  # (env, n)
     path: Array  # (env, H + 1, n) the truth at every step; no choice changes it

@@ -56,31 +56,33 @@ _shared_actions = lru_cache(maxsize=64)(GaussianActions)
 
 @system_parameters
 class KershawEvans(System, RecordedTargets, TimedPulses):
-    """One target on the line of sight, tracked by a Kalman filter; the radar chooses a Gaussian chirp at every step.
+    """A Kalman filter tracks one target on the line of sight; the radar chooses a Gaussian chirp at every step.
 
     Description
-        The state is range and range-rate, x = [r, rdot] (m, m/s; ``model="ca"`` adds rddot), x_{k+1} = F x_k + w with
-        white-noise acceleration of power spectral density q (m^2/s^3). A pulse of duration k and chirp rate g measures
-        range and range-rate with covariance R = C(k, g) / eta, where C is the inverse Fisher information at unit SNR
-        and eta = (r0 / r)^4 at the *true* range: the receiver measures its SNR, with the r0 that the tracker assumes.
-        Every pulse detects. Long pulses measure range-rate, short ones range, and a chirp couples the two errors;
-        det R is the same for all. One pulse is sent in a step. The receiver is off while it is sent
-        (``eclipsing``): an echo that comes earlier loses its first part and the information in it. The targets are
-        165 to 205 km away, beyond the blind range of the longest pulse, so every pulse of the library can be used.
+        The state is range and range-rate, x = [r, rdot] (m, m/s; ``model="ca"`` adds rddot). It moves as x_{k+1} = F
+        x_k + w with white-noise acceleration of power spectral density q (m^2/s^3). A pulse of duration k and chirp
+        rate g measures range and range-rate with covariance R = C(k, g) / eta. C is the inverse Fisher information at
+        unit SNR, and eta = (r0 / r)^4 at the *true* range, because the receiver measures its SNR. The tracker assumes
+        the system's r0, even if ``truth`` changes that of the world.
+
+        Every pulse detects. Long pulses measure range-rate, short pulses range, and a chirp couples the two errors; det
+        R is the same for all. One pulse is sent in each step. The receiver is off during transmission (``eclipsing``):
+        an echo that arrives earlier loses its first part and the information in it. The targets are 165 to 205 km away,
+        beyond the blind range of the longest pulse, so every pulse of the library can be used.
 
     Rewards
-        -trace(Lambda P) with Lambda = diag(weights); P in m^2 and m^2/s^2, so a weight on range-rate has the unit s^2
-        (default 1 and 1 s^2).
+        -trace(Lambda P) with Lambda = diag(weights). P is in m^2 and m^2/s^2, so a weight on range-rate has the unit
+        s^2 (default 1 and 1 s^2).
 
     Starting state
-        Range, range-rate (and acceleration) uniform in ``start_range``, ``start_speed``, ``start_acceleration``; the
-        first estimate is drawn around the truth with covariance P0. ``start_covariance="steady"``: P0 is the fixed
-        point of the Riccati recursion for the middle duration with the widest sweep at the middle of ``start_range``,
-        because with a wide P0 the first step carries nearly the whole episode's cost. ``"random"``:
-        P0 = diag(prior_variance) times 10^U(-1, 1), one draw per entry.
+        Range, range-rate (and acceleration) are uniform in ``start_range``, ``start_speed``, ``start_acceleration``.
+        The first estimate is drawn around the truth with covariance P0. ``start_covariance="steady"``: P0 is the fixed
+        point of the Riccati recursion for the middle duration with the widest sweep at the middle of ``start_range``.
+        With a wide P0 the first step would carry nearly the whole episode's cost. ``"random"``: P0 =
+        diag(prior_variance) times 10^U(-1, 1), one draw per entry.
 
     Episode end
-        Terminates after ``horizon`` steps; the time left is observed.
+        Terminates after ``horizon`` steps. The remaining time is observed.
 
     References
         D. J. Kershaw and R. J. Evans, "Optimal waveform selection for tracking systems", IEEE Transactions on
@@ -92,11 +94,11 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
     carrier_hz: float = parameter(10.4e9, "carrier frequency fc", unit="Hz", gt=0)
     eclipsing: bool = parameter(
         True,
-        f"the receiver is off while the radar transmits, which is while {100 * ENERGY:g} % of a pulse's energy passes",
+        f"the receiver is off while the radar transmits {100 * ENERGY:g} % of a pulse's energy",
         unit="",
     )
     reference_range: float = parameter(310e3, "r0, the range at which eta = 1", unit="m", truth=True, gt=0)
-    nearest_range: float = parameter(100.0, "the SNR grows no further below this range", unit="m", truth=True, gt=0)
+    nearest_range: float = parameter(100.0, "below this range the SNR stays constant", unit="m", truth=True, gt=0)
     model: Literal["cv", "ca"] = parameter("cv", "constant velocity or constant acceleration", unit="")
     q: float = parameter(1.0, "process noise density (ca: m^2/s^5)", unit="m^2/s^3", truth=True, ge=0)
     weights: tuple[NonNegative, ...] = parameter((1.0, 1.0), "diagonal of Lambda", unit="1, s^2")
@@ -111,13 +113,13 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
         "library", "an index, or a point of a box: log duration, and the signed sweep that sets the chirp rate", unit=""
     )
     library: Library | None = parameter(
-        None, "a Library of waveforms of your own, in place of ``durations`` and ``sweeps``", unit=""
+        None, "a Library of your own waveforms; replaces ``durations`` and ``sweeps``", unit=""
     )
     tracker: Any = parameter(
         None,
-        "``kalman``; ``imm``, interacting multiple models of Kalman filters, one for each of ``densities``; a Tracker "
-        "of ``wavegym.trackers.protocol``, or ``package.module:name`` of what makes one. By default ``kalman`` with "
-        "targets='random', whose motion is the filter's, and ``imm`` with targets='scripted' or 'recorded'",
+        "``kalman``; ``imm``: interacting multiple models, a Kalman filter for each of ``densities``; a Tracker of "
+        "``wavegym.trackers.protocol``, or ``package.module:name`` of its factory. By default ``kalman`` with "
+        "targets='random', which move as the filter assumes, and ``imm`` with targets='scripted' or 'recorded'",
         unit="",
     )
     densities: tuple[NonNegative, ...] = parameter(
@@ -134,7 +136,7 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
     )
     targets: Literal["random", "scripted", "recorded"] = parameter(
         "random",
-        "drawn from the model, a drawn start followed by ``script``, or windows of ``tracks``",
+        "paths drawn from the motion model, ``script`` after a drawn start, or windows of ``tracks``",
         unit="",
         truth=True,
     )
@@ -149,7 +151,7 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
     nees_dimension = 2  # range and range-rate
 
     def __post_init__(self) -> None:
-        """Check what single fields cannot say."""
+        """Check several fields together."""
         check_positive("lower bound of start_range", self.start_range[0], "m")
         n = 3 if self.model == "ca" else 2
         for name in ("weights", "prior_variance"):
@@ -198,7 +200,7 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
     def action_set(self) -> GaussianActions:
         """What may be transmitted."""
         chirps = (self.durations, self.sweeps, self.carrier_hz, self.action == "box", self.eclipsing)
-        # Pulses of one's own may have no hash.
+        # A user's pulses may have no hash.
         return GaussianActions(*chirps, self.library) if self.library else _shared_actions(*chirps)
 
     @property
@@ -285,7 +287,7 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
         return *self._model, *self._law, (0,) * MEASURED
 
     def _radar(self, belief: Belief) -> tuple[Any, ...]:
-        """``_assumed``, with the process noise that the tracker believes in."""
+        """``_assumed``, with the tracker's process noise."""
         if belief.process_noise is None:
             return self._assumed
         F, _, *others = self._assumed
@@ -346,7 +348,7 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
     def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
         """The belief after one pulse: predicted mean, updated covariance with eta at the predicted range.
 
-        The process noise that the tracker believes in stays as it is.
+        The tracker's process noise does not change.
         """
         several = actions.ndim == (2 if self.action == "library" else 3)
         C = self._expected(belief, actions if several else actions[:, None])
@@ -428,21 +430,22 @@ def _believed(step: Array, estimate: Estimate) -> Belief:
 
 @system_parameters
 class KershawEvansPosition(KershawEvans):
-    """Kershaw & Evans's loop with a target that manoeuvres; only the error in position counts.
+    """Kershaw & Evans's loop with a manoeuvring target; only the position error counts.
 
     Description
         As wavegym/KershawEvans-v0 with a position-only cost, q = 100 m^2/s^3 and sweeps up to 1 MHz. A long pulse
-        measures range-rate, which is worth nothing now and much one step later, so the best schedule is about 14 %
-        below the one-step scheduler. q decides what foresight is worth: nothing at q = 1, 5 % at q = 10. No recorded
-        target that was tried moves as hard as q = 100 assumes.
+        measures range-rate, which gains nothing now and much one step later. The best schedule therefore costs about 14
+        % less than the one-step scheduler. The gain of foresight depends on q: nothing at q = 1, 5 % at q = 10. All
+        recorded targets manoeuvre less than q = 100.
 
     Rewards
         -trace(Lambda P) with Lambda = diag(1, 0): minus the variance of range in m^2.
 
     Starting state
-        Range (``start_range``) 170 to 195 km and range-rate (``start_speed``) 0 to 300 m/s outbound, both uniform, as
-        is ``start_acceleration`` with ``model="ca"``; the first estimate is drawn around the truth with covariance
-        diag(1e4 m^2, 1e4 m^2/s^2) (``prior_variance``), each entry times 10^U(-1, 1) (``start_covariance="random"``).
+        Range (``start_range``) is uniform from 170 to 195 km and range-rate (``start_speed``) from 0 to 300 m/s
+        outbound. With ``model="ca"`` ``start_acceleration`` is uniform too. The first estimate is drawn around the
+        truth with covariance diag(1e4 m^2, 1e4 m^2/s^2) (``prior_variance``), each entry times 10^U(-1, 1)
+        (``start_covariance="random"``).
     """
 
     q: float = changed_default(KershawEvans, "q", 100.0)

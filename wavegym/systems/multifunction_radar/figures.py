@@ -69,7 +69,7 @@ def _gospa(x: Array, mean: Array, most: float, area: Area) -> float:
 
 
 def _follow(truth: Truth, e: int, confirmed: Array, time: float) -> None:
-    """Which targets have a confirmed track, when they first had one, and which have lost theirs."""
+    """Which targets have a confirmed track, when they first had one, and which have lost it."""
     held = np.zeros_like(truth.held[e])
     held[truth.origin[e][confirmed & (truth.origin[e] >= 0)]] = True
     held &= truth.here[e]

@@ -1,4 +1,4 @@
-"""The scene of the multifunction radar: the region with its tracks and the beam, and what the time was spent on."""
+"""The scene of the multifunction radar: the region with its tracks and the beam, and the shares of the time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TRACK: dict[str, Any] = {"color": "tab:blue", "linewidth": 1.2}
 TENTATIVE: dict[str, Any] = {"color": "tab:orange", "linewidth": 0.9}
 BEAM: dict[str, Any] = {"color": "tab:red", "alpha": 0.5, "linewidth": 0}
 SHADE: dict[str, Any] = {"color": "0.35", "linewidth": 0}
-DARKEST = 0.45  # opacity of a cell as full of undetected targets as where nobody looks
+DARKEST = 0.45  # opacity of a cell with as many undetected targets as without any search
 EDGE: dict[str, Any] = {"color": "0.4", "linewidth": 0.8}
 SPENT = (("update", UPDATE, "tab:blue"), ("search", SEARCH, "tab:red"))
 

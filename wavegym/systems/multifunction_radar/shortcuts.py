@@ -16,12 +16,12 @@ from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
 @shortcuts.gain_per_second.register(MultifunctionRadar)
 def gain_per_second(system: MultifunctionRadar, belief: Belief, ahead: ArrayLike = 1.0, worth: float = 1.0) -> Array:
-    """What each dwell takes off the expected cost of the time after it, over its duration.
+    """The reduction of the expected later cost by each dwell, per second of its duration.
 
     Args:
         belief: the belief.
         ahead: seconds that count after an update, in which nothing else is done; a number, or several (h,).
-        worth: of a target that a search finds, as a number of seconds of c0.
+        worth: value of a target that a search finds, in seconds of c0.
 
     Returns:
         (env, action), or (env, action, h), m^2.
@@ -66,5 +66,5 @@ def outlook(system: MultifunctionRadar, belief: Belief, seconds: float) -> Array
 
 @shortcuts.constants.register(MultifunctionRadar)
 def constants(system: MultifunctionRadar) -> Array:
-    """Searches of any sector and the wait: what is always allowed."""
+    """Searches of any sector and the wait: the actions that are always allowed."""
     return np.arange(system.slots * len(system.pulses), len(system.actions))

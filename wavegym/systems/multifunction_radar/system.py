@@ -1,4 +1,4 @@
-"""One agile beam that tracks dozens of targets while it searches for more."""
+"""One agile beam that tracks dozens of targets and searches for more."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MONOPULSE = 1.6  # slope of a monopulse: the standard deviation of an angle is t
 COLUMNS = 9  # of ``slots_now``
 LOGARITHMS = [3, 4, 5, 7, 8]  # columns of ``slots_now`` that agents observe as log2
 TINY = 1e-12
-FEW = 1.0 / 64.0  # undetected targets over their number where nobody looks: fewer look like this
+FEW = 1.0 / 64.0  # least observed ratio of undetected targets to their number without any search
 DRAWS = 2  # uniform draws that decide one dwell in ``predict``
 
 Speed = Annotated[float, Field(gt=0, le=1e4)]
@@ -42,75 +42,77 @@ Spread = Annotated[float, Field(ge=1e-3, le=1e4)]
 
 @system_parameters
 class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
-    """One agile-beam radar tracks dozens of targets while it searches for more, a dwell at a time.
+    """One agile-beam radar tracks dozens of targets and searches for more, one dwell at a time.
 
     Description
-        An action is the next dwell: update a track, search a sector, each with one of several numbers of pulses, or
-        wait. The mask excludes updates of slots without a track; such an action, taken all the same, is a wait (metric
-        ``replaced``). A dwell takes its own time, and targets move on meanwhile. An update points at the predicted
-        azimuth; the gain falls with the pointing error, so a late update misses, and a track can be lost. A search
-        points at the next beam of its sector; a detection that no track explains begins a tentative track, which
-        later dwells confirm or refute. Detections and false alarms are those of echo and noise in complex normal form
-        (Swerling 1). The radar measures range and azimuth, not range-rate, and has no clutter. Targets cross the region
-        on all sides and manoeuvre: a Markov chain switches between two densities of white acceleration. Each track is
-        an IMM of these two models with a probability of existence; the intensity of targets without a track is a part
-        of the belief. With more than some 20 targets not everything that is worth doing can be done.
+        An action is the next dwell: update a track, search a sector, or wait. Updates and searches have one of several
+        numbers of pulses. The mask excludes updates of slots without a track; if such an action is taken, the radar
+        waits (metric ``replaced``). Dwells differ in duration, and targets move during each.
+
+        An update points at the predicted azimuth. The gain falls with the pointing error, so a late update misses, and
+        a track can be lost. A search points at the next beam of its sector. A detection that no track explains begins a
+        tentative track, which later dwells confirm or refute. Detections and false alarms come from echo and noise in
+        complex normal form (Swerling 1). The radar measures range and azimuth, not range-rate, and has no clutter.
+
+        Targets cross the region on all sides and manoeuvre: a Markov chain switches between two densities of white
+        acceleration. Each track is an IMM of these two models with a probability of existence. The belief also holds
+        the intensity of targets without a track. Above about 20 targets the radar is overloaded.
 
     Rewards
         -c, the cost of the dwell: the integral over its duration of the expected squared GOSPA distance, in m^2 s.
-        Every undetected target costs c0. A track of existence e and position covariance P costs
-        e tr P + (1 - e) c0 where it is reported, e c0 where it is not, and is reported where that is less. Targets may
-        weigh the more the nearer they are (``priority``).
+        Every undetected target costs c0. A track with existence probability e and position covariance P costs e tr P +
+        (1 - e) c0 if it is reported and e c0 if it is not. It is reported if that costs less. With ``priority`` nearer
+        targets weigh more.
 
     Starting state
-        The traffic is in equilibrium. Each target that is there has a track with probability ``known``, with a first
-        estimate drawn around the truth.
+        The traffic is in equilibrium. Each target present has a track with probability ``known``, with a first estimate
+        drawn around the truth.
 
     Episode end
-        Truncated by the first dwell that ends ``seconds`` or later after the beginning, or after ``horizon`` dwells.
+        Truncated by the first dwell that ends at ``seconds`` or later, or after ``horizon`` dwells.
 
     References
         G. van Keuk and S. S. Blackman, "On phased-array radar tracking and parameter control", IEEE Transactions on
         Aerospace and Electronic Systems 29 (1993) 186-194 (updates by the predicted angular error, loss by the pointing
-        error). The setting of loads, existence and search is this suite's own.
+        error). This suite adds load, existence and search.
     """
 
     terminates: ClassVar[bool] = False
     strict: ClassVar[bool] = False
 
-    horizon: int = parameter(50_000, "most dwells of an episode", ge=1, le=1_000_000)
+    horizon: int = parameter(50_000, "maximum number of dwells in an episode", ge=1, le=1_000_000)
     seconds: float = parameter(60.0, "length of an episode", unit="s", ge=1e-3, le=3600)
     targets: float = parameter(
         16.0,
-        "expected number of targets in the region, in the world as in the search's prior",
+        "expected number of targets in the region, in the world and in the search's prior",
         truth=True,
         ge=0,
         le=500,
     )
-    known: float = parameter(0.5, "share of the first targets that have a track at the beginning", ge=0, le=1)
+    known: float = parameter(0.5, "share of the targets at the start that have a track", ge=0, le=1)
     first_errors: tuple[Spread, Spread] = parameter(
         (100.0, 30.0),
-        "standard deviations of the first estimates, of position and velocity on each axis",
+        "standard deviations of the first estimates in position and velocity, on each axis",
         unit="m, m/s",
     )
-    slots: Count = parameter(64, "most tracks at a time", le=1000)
-    sectors: Count = parameter(12, "sectors of the search", le=360)
-    bins: Count = parameter(7, "range bins of the intensity of undetected targets", le=100)
-    nearest: float = parameter(5e3, "least range of the region", unit="m", ge=100, le=1e6)
-    farthest: float = parameter(40e3, "greatest range of the region", unit="m", ge=100, le=1e6)
-    half_sector: float = parameter(60.0, "greatest azimuth of the region, on either side", unit="deg", ge=1, le=80)
-    speeds: tuple[Speed, Speed] = parameter((100.0, 300.0), "least and greatest speed", unit="m/s", truth=True)
+    slots: Count = parameter(64, "maximum number of tracks", le=1000)
+    sectors: Count = parameter(12, "number of search sectors", le=360)
+    bins: Count = parameter(7, "number of range bins of the intensity of undetected targets", le=100)
+    nearest: float = parameter(5e3, "minimum range of the region", unit="m", ge=100, le=1e6)
+    farthest: float = parameter(40e3, "maximum range of the region", unit="m", ge=100, le=1e6)
+    half_sector: float = parameter(60.0, "maximum azimuth of the region, on either side", unit="deg", ge=1, le=80)
+    speeds: tuple[Speed, Speed] = parameter((100.0, 300.0), "minimum and maximum speed", unit="m/s", truth=True)
     density: tuple[Density, Density] = parameter(
         (10.0, 2000.0), "density of the white acceleration of each mode on each axis", unit="m^2/s^3", truth=True
     )
     leave: tuple[Rate, Rate] = parameter((0.05, 0.2), "rate at which a target leaves each mode", unit="1/s", truth=True)
-    cell: float = parameter(0.05, "time for which a target flies straight on", unit="s", ge=1e-3, le=1)
+    cell: float = parameter(0.05, "time between changes of a target's velocity", unit="s", ge=1e-3, le=1)
     carrier_hz: float = parameter(3e9, "carrier frequency", unit="Hz", gt=0)
     pulse: float = parameter(30e-6, "duration of a pulse", unit="s", gt=0)
     interval: float = parameter(320e-6, "time between two pulses", unit="s", gt=0)
     pulses: tuple[Count, ...] = parameter((6, 20, 64, 200), "numbers of pulses of a dwell", min_length=1)
-    overhead: float = parameter(1e-3, "time before each dwell, to steer and set up", unit="s", ge=0, le=1)
-    dt: float = parameter(5e-3, "length of a wait; other steps take as long as their dwells", unit="s", gt=0, le=1)
+    overhead: float = parameter(1e-3, "time to steer and set up before each dwell", unit="s", ge=0, le=1)
+    dt: float = parameter(5e-3, "duration of a wait; other steps take as long as their dwells", unit="s", gt=0, le=1)
     beam_width: float = parameter(1.0, "half-power width of the beam, one way", unit="deg", truth=True, ge=0.1, le=10)
     reference_range: float = parameter(
         60e3, "range at which a dwell of 10 ms has E/N0 = 1 on the beam's axis", unit="m", truth=True, ge=100, le=1e8
@@ -120,15 +122,18 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         (1e-6, 1e-4), "false alarm probability of a range cell in an update and in a search"
     )
     gate: float = parameter(25.0, "squared Mahalanobis distance of the gate", ge=1, le=1e3)
-    dropped: float = parameter(0.05, "existence below which a track is dropped", ge=0, lt=0.5)
+    dropped: float = parameter(0.05, "existence probability below which a track is dropped", ge=0, lt=0.5)
     c0: float = parameter(2.5e5, "cost of a target that is not reported, per second", unit="m^2", ge=1, le=1e12)
     priority: float = parameter(
-        1.0, "weight of the cost of a target at the nearest range; linear in the range, 1 at the farthest", ge=1, le=100
+        1.0,
+        "weight of the cost of a target at the nearest range; falls linearly with range to 1 at the farthest",
+        ge=1,
+        le=100,
     )
-    sample: float = parameter(0.5, "time between two figures by truth", unit="s", gt=0, le=10)
+    sample: float = parameter(0.5, "time between two evaluations of the metrics by truth", unit="s", gt=0, le=10)
 
     def __post_init__(self) -> None:
-        """Check what single fields cannot say."""
+        """Check several fields together."""
         if not self.nearest < self.farthest:
             raise InputError(f"farthest is {self.farthest!r} m, expected more than nearest, {self.nearest!r} m")
         if self.speeds[0] > self.speeds[1]:
@@ -166,7 +171,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         return "A pulse lasts for `pulse`, and is of constant power."
 
     def target_ranges(self, world: World) -> Array:
-        """Of every target each second that it is there, of all worlds in one row, (1, n, 2)."""
+        """Of every present target at each second, all worlds in one row, (1, n, 2)."""
         truth = self.initial(world).truth
         x, mode, here, arrival = truth.state, truth.mode, truth.here, truth.arrival
         found, cells = [], round(1.0 / self.cell)
@@ -184,7 +189,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
 
     @cached_property
     def dwells(self) -> Dwells:
-        """The dwells and what they are for."""
+        """The dwells and their purposes."""
         return Dwells(self.dwell_seconds, self.overhead, self.dt, self.slots, self.sectors)
 
     @cached_property
@@ -298,7 +303,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
 
     @cached_property
     def usual_numbers(self) -> Array:
-        """Targets in a cell of each bin where nobody looks, (bin,)."""
+        """Targets in a cell of each bin without any search, (bin,)."""
         return np.array([usual_number(b, (self.sectors, self.bins), self.area) for b in range(self.bins)])
 
     def _nothing_seen(self, count: int) -> Belief:
@@ -380,7 +385,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """The rows of the slots, then the undetected of every sector and bin over their number where nobody looks."""
+        """The rows of the slots, then undetected targets of every sector and bin over their number without search."""
         half = 0.5 * (self.nearest + self.farthest)
         columns = (
             ("existence", "1", 0.5, 0.5, "probability of existence; 0: the slot is free"),
@@ -398,7 +403,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             for k in range(self.slots)
             for name, unit, centre, scale, meaning in columns
         ]
-        about = "log2 of the undetected targets over their number where nobody looks, at least 1/64"
+        about = "log2 of the undetected targets over their number without any search, at least 1/64"
         cells = [
             ObservationField(f"undetected_{s}_{b}", "1", -2.0, 2.0, f"sector {s}, bin {b}: {about}")
             for s in range(self.sectors)
@@ -428,13 +433,13 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         return 4
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """Figures by truth, taken every ``sample`` seconds and held between.
+        """Figures by truth, evaluated every ``sample`` seconds and held in between.
 
-        For slots: ``present`` (a confirmed track of a target that is there), and of these ``position_error`` (m),
-        ``position_variance`` (m^2) and ``nees``. ``gospa`` (m) of all reported tracks; ``lost``, the targets whose
-        confirmed track was lost so far; ``false_tracks``, confirmed tracks of no target; ``targets`` that are there;
-        ``confirm_delay`` (s), from arrival to the first confirmed track, on average so far over those that had none at
-        the beginning. And ``duration`` (s) of the dwell, and whether it was ``replaced`` by a wait.
+        For each slot: ``present`` (a confirmed track of a present target), and of these ``position_error`` (m),
+        ``position_variance`` (m^2) and ``nees``. For all: ``gospa`` (m) of the reported tracks; ``lost``, the number of
+        targets that have lost their confirmed track; ``false_tracks``, confirmed tracks of no target; ``targets``, the
+        number present; ``confirm_delay`` (s), mean time from arrival to the first confirmed track so far, over targets
+        without a track at the start. For the dwell: ``duration`` (s), and whether it was ``replaced`` by a wait.
         """
         truth, belief = state
         known = truth.confirmed > 0.0  # no NaN, and no track from the beginning

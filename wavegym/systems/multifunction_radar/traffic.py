@@ -1,8 +1,8 @@
-"""How targets come to the multifunction radar: the traffic of an isotropic flow in a sector of a ring.
+"""The traffic of the multifunction radar: an isotropic flow of targets through a sector of a ring.
 
-In the plane targets are a Poisson process with uniform places and headings. What a region sees of it is a uniform
-intensity inside, and over each metre of its edge a rate of density x mean speed / pi, with the heading's angle from
-the inward normal distributed by its cosine, and speeds in proportion to how often they occur times the speed.
+In the plane targets are a Poisson process with uniform places and headings. A region has a uniform intensity inside.
+Over each metre of its edge targets enter at the rate density x mean speed / pi. The angle of their heading from the
+inward normal is distributed by its cosine; their speeds are distributed in proportion to frequency times speed.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Traffic(NamedTuple):
         return math.pi * self.area / float(self.mean_speed * self.arc_and_sides.sum())
 
     def most_targets(self, seconds: float) -> int:
-        """More targets than come in an episode, but for one episode in a billion."""
+        """Number of targets that is exceeded in one of a billion episodes."""
         expected = self.targets + self.rate * seconds if self.targets else 0.0
         return math.ceil(expected + 6.5 * math.sqrt(expected)) + 10
 

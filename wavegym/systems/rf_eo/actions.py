@@ -234,7 +234,7 @@ class PlatformActions:
     def candidates(self) -> Array:
         """Every combination of the library's settings; the same setting at all platforms where there are too many.
 
-        In the joint form always every combination: they are its actions.
+        In the joint form always every combination.
         """
         count = len(self.library)
         if count**self.platforms <= MOST_CANDIDATES or self.form == "joint":

@@ -14,16 +14,17 @@ class RfEoFar(RfEo):
     """The RF/EO loop with fast, distant targets, whose ranges and range-rates fold.
 
     Description
-        As wavegym/RfEo-v0 with platforms at (-10, -10) and (10, -10) km and two targets 30 to 40 km away, one receding
-        at 230 m/s and one closing at 210 m/s, q = 1 m^2/s^3. r |rdot| is beyond c lambda / 8, so no pulse repetition
-        frequency (PRF) measures both range and range-rate without ambiguity. Echoes fold (``folding``): a low PRF
-        resolves range-rates finely, but hides more of them in the notch, and its folds need a narrow prediction; every
-        PRF has blind zones of range. So the PRF changes as the targets move through blind zones and notches. The least
-        PRF is 2 kHz, at which the notch of +-10 m/s leaves a third of the range-rates.
+        As wavegym/RfEo-v0 with platforms at (-10, -10) and (10, -10) km and two targets 30 to 40 km away. One recedes
+        at 230 m/s, one closes at 210 m/s, and q = 1 m^2/s^3. r |rdot| exceeds c lambda / 8, so no pulse repetition
+        frequency (PRF) measures both range and range-rate without ambiguity: echoes fold (``folding``).
 
-        Schedulers require predicted azimuths to be two standard deviations inside the image (``margin``).
-        With ``folding=False, prf=(1e3, 1e5)`` it is the scene in which echoes beyond the unambiguous interval vanish:
-        the range then needs at most 4 kHz, the range-rate at least 30 kHz.
+        A low PRF resolves range-rates finely, but its notch hides more of them, and its folds need a narrow prediction.
+        Every PRF has blind zones of range. So the best PRF changes as the targets move through blind zones and notches.
+        The lowest PRF is 2 kHz, at which the notch of +-10 m/s leaves a third of the range-rates.
+
+        Schedulers require predicted azimuths to be two standard deviations inside the image (``margin``). With
+        ``folding=False, prf=(1e3, 1e5)`` echoes beyond the unambiguous interval vanish: the range then needs at most 4
+        kHz, the range-rate at least 30 kHz.
 
     Rewards
         As wavegym/RfEo-v0.

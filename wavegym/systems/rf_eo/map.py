@@ -40,7 +40,7 @@ def draw_platform_map(axes: Axes, system: RfEo, moment: Moment) -> None:
 
 
 def targets_shown(system: RfEo, moment: Moment) -> Array:
-    """Which targets each state of the episode shows, (step, target): those that are in the scene, or come now."""
+    """Which targets are in the scene, or enter it, at each state of the episode, (step, target) bool."""
     steps = np.array([state.belief.step[0] for state in moment.states])
     shows: Array = system.present(steps) | system.present(steps + 1)
     return shows

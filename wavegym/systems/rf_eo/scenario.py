@@ -1,4 +1,4 @@
-"""The parameters of the RF/EO loop, what they refuse, and what follows: motion, settings, places, presence, cost."""
+"""The parameters of the RF/EO loop, their checks, and what follows: motion, settings, places, presence, cost."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ StateVariance = tuple[Positive, Positive, Positive, Positive]
 
 @system_parameters
 class PlatformScenario(System, PlaysRecordings):
-    """What ``RfEo`` can be given, what it refuses, and what follows: motion, settings, places, presence, cost."""
+    """Parameters of ``RfEo``, their checks, and what follows: motion, settings, places, presence, cost."""
 
     horizon: int = parameter(1000, "steps in an episode", ge=1, le=LONGEST)
     dt: float = parameter(1.0, "time step", unit="s", gt=0, le=1e6)
@@ -66,55 +66,55 @@ class PlatformScenario(System, PlaysRecordings):
         (), "look direction of each platform, clockwise from +y; by default all look along +y", unit="rad"
     )
     slew_rate: float = parameter(
-        0.0, "greatest turn rate of each look direction; 0: it is fixed", unit="rad/s", ge=0, le=FASTEST
+        0.0, "maximum turn rate of each look direction; 0: fixed", unit="rad/s", ge=0, le=FASTEST
     )
     turns: int = parameter(
-        5, "with a slew rate: number of turns in the library, equally spaced; odd, so that 0 is one", ge=1, le=10_001
+        5, "with a slew rate: number of turns in the library, equally spaced; odd, so that one is 0", ge=1, le=10_001
     )
     starts: tuple[TargetState, ...] = parameter(
         ((-1e3, 0.0, 1e3, 0.0), (1e3, 0.0, 1e3, 0.0)), "first state [x xdot y ydot] of each target", unit="m, m/s"
     )
     births: tuple[NonNegativeInt, ...] = parameter((), "step at which each target comes; by default 0 for all")
-    lifetime: int = parameter(LONGEST, "steps for which each target stays", ge=1, le=LONGEST)
+    lifetime: int = parameter(LONGEST, "number of steps in which each target stays", ge=1, le=LONGEST)
     first_estimate: Literal["halfway", "drawn"] = parameter("halfway", "first estimates; see Starting state", unit="")
     prior_variance: StateVariance = parameter((1e6, 25.0, 1e6, 25.0), "diagonal of P0", unit="m^2, m^2/s^2", truth=True)
-    prf: Bounds = parameter((1e3, 100e3), "least and greatest pulse repetition frequency", unit="Hz")
-    bandwidth: Bounds = parameter((1e6, 20e6), "least and greatest bandwidth B", unit="Hz")
-    pixel_angle: Bounds = parameter((1e-5, 2e-3 * math.pi), "least and greatest pixel angle alpha", unit="rad")
+    prf: Bounds = parameter((1e3, 100e3), "minimum and maximum pulse repetition frequency", unit="Hz")
+    bandwidth: Bounds = parameter((1e6, 20e6), "minimum and maximum bandwidth B", unit="Hz")
+    pixel_angle: Bounds = parameter((1e-5, 2e-3 * math.pi), "minimum and maximum pixel angle alpha", unit="rad")
     points: tuple[int, int, int] = parameter((4, 1, 4), "number of PRFs, bandwidths and pixel angles in the library")
     penalty: Penalty = parameter("logistic", "growth of a predicted variance at the edge of the field of view", unit="")
     sharpness: tuple[Positive, Positive, Positive] | None = parameter(
         None,
-        "nu of the penalty relative to the edge, for range, range-rate and azimuth; by default 100, for the "
-        "log-barrier 1e8",
+        "nu of the penalty relative to the edge, for range, range-rate and azimuth; by default 100, or 1e8 for the "
+        "log-barrier",
     )
     height: tuple[NonNegative, NonNegative, NonNegative] = parameter(
         (1e8, 1e6, 10.0), "gamma of the penalty, for range, range-rate and azimuth", unit="m^2, m^2/s^2, rad^2"
     )
     out_of_view: Literal["missing", "inflated"] = parameter(
         "missing",
-        "quantities outside the field of view: not received, or (the paper's) drawn with variance and penalty",
+        "quantities outside the field of view: not received, or (as in the paper) drawn with a penalised variance",
         unit="",
     )
     iterations: int = parameter(
-        10, "most iterations of an update; 1 is the plain extended Kalman filter, the paper's", ge=1, le=1_000_000
+        10, "maximum iterations of an update; 1: the paper's extended Kalman filter", ge=1, le=1_000_000
     )
     margin: float = parameter(
-        0.0, "standard deviations that a predicted quantity has to be inside the field of view", ge=0
+        0.0, "distance inside the field of view that a predicted quantity needs, in standard deviations", ge=0
     )
     threshold: float = parameter(
-        0.5, "t, the least weighted information that the paper's scheduler demands for every target", ge=0
+        0.5, "t, the minimum weighted information that the paper's scheduler requires of every target", ge=0
     )
-    weights: Weights = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of W, or W in whole as four rows", unit="1, s^2")
+    weights: Weights = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of W, or all of W as four rows", unit="1, s^2")
     nearest_range: float = parameter(
-        1.0, "a platform nearer to a target than this measures nothing of it", unit="m", truth=True, gt=0, le=FARTHEST
+        1.0, "a platform does not measure targets nearer than this", unit="m", truth=True, gt=0, le=FARTHEST
     )
     folding: bool = parameter(
-        False, "range and range-rate beyond the unambiguous interval are received folded; without, not at all"
+        False, "whether range and range-rate beyond the unambiguous interval are received folded, or not at all"
     )
     duty: float = parameter(
         0.1,
-        "with folding: share of time for which the radar transmits; an echo that returns then, even in part, is lost",
+        "with folding: share of time in which the radar transmits; an echo that overlaps with it is lost",
         truth=True,
         ge=0,
         lt=0.5,
@@ -135,7 +135,7 @@ class PlatformScenario(System, PlaysRecordings):
     smoothing: float | None = smoothing_parameter()
 
     def __post_init__(self) -> None:
-        """Check what single fields cannot say."""
+        """Check several fields together."""
         self._weights  # noqa: B018  (invalid weights are reported here)
         for name in ("platforms", "starts"):
             check_within(f"number of {name}", len(getattr(self, name)), 1, MOST)
@@ -191,7 +191,7 @@ class PlatformScenario(System, PlaysRecordings):
         self.timings  # noqa: B018  (a PRF without room for the pulse is reported here)
 
     def _check_folding(self) -> None:
-        """InputError where folding meets the paper's other forms, or a notch leaves the lowest PRF nothing to see."""
+        """InputError for folding with the paper's other forms, or a notch that hides all at the lowest PRF."""
         if not self.folding:
             return
         if self.out_of_view == "inflated":

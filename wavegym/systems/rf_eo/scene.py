@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
 
-SHOWN = 2  # platforms that have a panel of their own
+SHOWN = 2  # platforms with their own panel
 ROWS = (("range", "m"), ("rate", "m/s"), ("azimuth", "rad"))
 DECADE = 0.35  # distance between 1, 10 and 100 in the drawing, relative to that from the centre to the edge
 MOST = 1000.0  # times the edge: values farther out are drawn here

@@ -23,7 +23,7 @@ class World(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What no scheduler sees."""
+    """The part of the state that no scheduler sees."""
 
     targets: Array  # (env, target, 4)
     received: Array  # (env, target) int: measured quantities of the last step
@@ -91,7 +91,7 @@ def platform_fields(targets: int, platforms: int) -> tuple[ObservationField, ...
             ObservationField(f"log10_sigma_velocity_{t}", "log10(m/s)", -0.3, 0.5, f"RMS velocity {of}"),
         ]
         for j in range(1, platforms + 1):
-            where = f"of target {t} from platform {j}, as predicted one step ahead"
+            where = f"of target {t} from platform {j}, predicted one step ahead"
             for (name, unit, centre, scale), (short, _, middle, width) in zip(QUANTITIES, SPREADS, strict=True):
                 words = name.replace("_", "-")
                 listed += [
@@ -99,7 +99,11 @@ def platform_fields(targets: int, platforms: int) -> tuple[ObservationField, ...
                         f"log10_{name}_{t}_{j}", f"log10({unit})", centre, scale, f"magnitude of the {words} {where}"
                     ),
                     ObservationField(
-                        f"log10_sigma_{short}_{t}_{j}", f"log10({unit})", middle, width, f"its spread {where}"
+                        f"log10_sigma_{short}_{t}_{j}",
+                        f"log10({unit})",
+                        middle,
+                        width,
+                        f"standard deviation of the {words} {where}",
                     ),
                 ]
     return tuple(listed)

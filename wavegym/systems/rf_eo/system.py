@@ -44,41 +44,43 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
     """Platforms with a radar and a camera choose pulse repetition frequency, bandwidth and zoom.
 
     Description
-        As in the paper, what lies beyond the unambiguous interval of range or range-rate is not received. A radar
-        receives it folded: ``folding`` does so.
         Each target's state is [x xdot y ydot] (m, m/s). It moves as x_{k+1} = A x_k + w_k with white-noise acceleration
         of density q (eq. 2). Platform j measures range, range-rate and azimuth of every target (eqs. 4 to 6) with the
         variances (c / 2B)^2 / 12, (lambda PRF / (2 Nfft))^2 / 12 and alpha^2 / 12. It receives only quantities inside
         its field of view: r <= c / (2 PRF), |rdot| <= lambda PRF / 4, |azimuth| <= Npix alpha / 2. So a high PRF covers
-        fast targets, a low PRF distant targets, and a wide image has coarse pixels. An extended Kalman filter in
-        information form (eqs. 8 to 11) updates each target with the quantities received. It iterates where the prior is
-        so wide that a single linearisation would mislead, and counts the bend of the measurement as noise where the
-        posterior is as wide too, as after a range alone (posterior linearisation). Schedulers predict the covariance
-        with a variance that grows at the edge of the field of view (eqs. 12 and 13).
+        fast targets, a low PRF distant targets, and a wide image has coarse pixels. As in the paper, quantities beyond
+        the unambiguous interval of range or range-rate are not received. With ``folding`` they are received folded, as
+        in a real radar.
 
-        With a ``slew_rate`` an action also turns each platform's look direction, by slew_rate dt at most, before the
-        platform measures; else the look direction is fixed.
+        An extended Kalman filter in information form (eqs. 8 to 11) updates each target with the quantities received.
+        Where the prior is so wide that a single linearisation would mislead, the filter iterates. Where the posterior
+        is as wide too, as after a range alone, the filter adds the curvature to the noise (posterior linearisation).
+        Schedulers predict the covariance with a variance that grows at the edge of the field of view (eqs. 12 and 13).
 
-        With ``births`` and ``lifetime`` targets come and go: a target is first measured, and counts first, one step
-        after its birth. Tracker and schedulers know both in advance, and the first estimate too.
+        With a ``slew_rate`` an action also turns each platform's look direction, by at most slew_rate dt, before the
+        platform measures. Otherwise the look direction is fixed.
+
+        With ``births`` and ``lifetime`` targets come and go. A target is first measured, and first counts in the cost,
+        one step after its birth. Tracker and schedulers know both times in advance, and the first estimate.
 
         With ``folding``, range is received modulo c / (2 PRF) and range-rate modulo lambda PRF / 2. The radar receives
-        neither if the echo overlaps with a transmitted pulse, in part or whole (``duty``), or if the folded range-rate
-        lies in the clutter notch (``notch``). Error variances do not depend on the SNR here, so a partly eclipsed echo
+        neither if the echo overlaps even partly with a transmitted pulse (``duty``), or if the folded range-rate lies
+        in the clutter notch (``notch``). Error variances do not depend on the SNR here, so a partly eclipsed echo
         counts as lost. The filter uses a range or a range-rate only if every other fold is exp(5^2 / 2) times less
-        likely than the nearest one: one Gaussian for each target cannot hold several folds. Schedulers predict the
-        expected covariance: with the probabilities that the target is seen and that its fold is certain.
+        likely than the nearest one, because one Gaussian for each target cannot hold several folds. Schedulers predict
+        the expected covariance, weighted with the probabilities that the target is seen and that its fold is certain.
 
     Rewards
-        -trace(W P) summed over the targets in the scene, W = diag(weights) or whole: m^2, with 1 s^2 on the velocities.
+        -trace(W P) summed over the targets in the scene, W = diag(weights) or a full matrix: m^2, with 1 s^2 on the
+        velocities.
 
     Starting state
         True targets start at ``starts``. With ``first_estimate="halfway"`` the estimates lie at half the true
-        coordinates and have zero velocity (the paper's "about midway"); with ``"drawn"`` they are drawn around the
+        coordinates and have zero velocity (the paper's "about midway"). With ``"drawn"`` they are drawn around the
         truth with covariance P0. P0 = diag(prior_variance).
 
     Episode end
-        Truncated after ``horizon`` steps: tracking goes on, no resource runs out.
+        Truncated after ``horizon`` steps: tracking would continue, and no resource runs out.
 
     References
         S. M. O'Rourke and A. L. Swindlehurst, "Adaptive RF/EO sensing with field-of-view constraints".
@@ -276,9 +278,9 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
 
         For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4), ``received``
         (quantities measured in this step) and ``lost`` (nothing received for more than ten steps). Where targets come
-        and go, ``present``; the figures of an absent target are 0. For the settings: ``information``, the least
-        weighted information of any target in the scene as predicted, and ``below_threshold``; 0 and False before the
-        first choice, or without a target.
+        and go, ``present``; the figures of an absent target are 0. For the settings: ``information``, the minimum
+        predicted weighted information over the targets in the scene, and ``below_threshold``. They are 0 and False
+        before the first choice, or without a target.
         """
         truth, belief = state
         values, flags = np.empty((3, *truth.unseen.shape)), np.empty((2, *truth.unseen.shape), np.bool_)

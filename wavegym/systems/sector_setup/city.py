@@ -22,30 +22,31 @@ from wavegym.systems.sector_setup.system import NN, Point, SectorSetup
 from wavegym.systems.sector_setup.visibility_kernels import BLUR
 
 PLACES = 48  # of a target, at which it may be hidden
-FEW_PLACES = 24  # the same where many steps are foretold
+FEW_PLACES = 24  # the same where many steps are predicted
 FARTHEST = 1e7  # m: where the map of targets that drive on ends
 
 
 @system_parameters
 class SectorSetupCity(SectorSetup):
-    """One illuminator serves several targets on an urban map; buildings hide them where they truly are.
+    """One illuminator serves several targets on an urban map; buildings hide them.
 
     Description
         As wavegym/SectorSetup-v0, with two roads behind a row of boards. Targets start anywhere on the roads, right of
-        the centre line, and drive along them. A target is hidden when, at the end of a step, a building stands between
-        its true place and the illuminator or a receiver. Nobody knows these times. Tracker and schedulers know the map
-        and the estimates, and foretell the probability that a target is visible, anew in each step. The tracker learns
-        from every look: a detection says that the target was visible, and a look that finds nothing that it was
-        probably hidden. With ``windows`` the times are those given, known from the start, and buildings hide nothing.
+        the centre line, and drive along them. A target is hidden if, at the end of a step, a building stands between
+        its true position and the illuminator or a receiver. These times are unknown.
+
+        Tracker and schedulers know the map and the estimates. At each step they predict the probability that a target
+        is visible. The tracker learns from every look: a detection shows that the target was visible, and a miss that
+        it was probably hidden. With ``windows`` the times are given and known in advance, and buildings hide nothing.
 
     Rewards
         As wavegym/SectorSetup-v0.
 
     Starting state
-        True targets start on the roads; estimates as in wavegym/SectorSetup-v0.
+        True targets start on the roads. Estimates are as in wavegym/SectorSetup-v0.
 
     Episode end
-        Terminates after ``horizon`` steps; the time left is observed.
+        Terminates after ``horizon`` steps. The remaining time is observed.
 
     References
         As wavegym/SectorSetup-v0.
@@ -53,7 +54,7 @@ class SectorSetupCity(SectorSetup):
 
     city: str = parameter(
         "promenade",
-        "an urban map of wavegym, or a TOML file, with roads; region, shown and hidden are not used",
+        "an urban map of wavegym, or a TOML file, with roads; replaces region, shown and hidden",
         unit="",
         truth=True,
     )
@@ -73,10 +74,10 @@ class SectorSetupCity(SectorSetup):
     tracks: None = parameter(None, "not used: targets drive along roads", unit="")
     radar: None = parameter(None, "not used", unit="")
     recorded_windows: ClassVar[None] = None
-    lost_beyond: ClassVar[float] = 9.0  # m: half the width of a sector of .15 rad at 120 m
+    lost_beyond: ClassVar[float] = 9.0  # m: half the width of a sector of 0.15 rad at 120 m
 
     def __post_init__(self) -> None:
-        """Check what single fields cannot say."""
+        """Check several fields together."""
         super().__post_init__()
         if not self.map.roads:
             raise InputError(f"city is {self.city!r}, expected a map with roads, on which targets start")
@@ -115,7 +116,7 @@ class SectorSetupCity(SectorSetup):
 
     @property
     def _times_are_known(self) -> bool:
-        """Whether the times of visibility are known from the start."""
+        """Whether the times of visibility are known in advance."""
         return bool(self.windows)
 
     @cached_property
@@ -129,13 +130,13 @@ class SectorSetupCity(SectorSetup):
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """As in SectorSetup; where visibility is foretold, a probability stands for it."""
+        """As in SectorSetup; where visibility is predicted, its probability."""
         known = self._times_are_known
         return sector_fields(self.targets, len(self.receivers), self.dead_steps, foretold=not known)
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:
-        """As in SectorSetup; where visibility is foretold, with a draw of the target's place before the others."""
+        """As in SectorSetup; where visibility is predicted, a draw of the target's place comes first."""
         return super().outcome_shape if self._times_are_known else (1 + len(self.receivers),)
 
     def _visible(self, world: World, true_states: Array) -> Array:
@@ -147,7 +148,7 @@ class SectorSetupCity(SectorSetup):
     def _driven(self, world: World, true_states: Array) -> Array:
         """True places at the end of each step, (env, H, target, 2).
 
-        No action moves a target, so its whole path is known to the world from the start.
+        No action moves a target, so its whole path is fixed when the world is drawn.
         """
         states = np.empty((len(true_states), self.horizon, *true_states.shape[1:]))
         here, q, step = true_states, self._densities(world), np.zeros(len(true_states), np.int64)
@@ -158,13 +159,13 @@ class SectorSetupCity(SectorSetup):
         return states[..., ::2]
 
     def _known(self, world: World, true_states: Array, visible: Array) -> Array:
-        """As in SectorSetup; where visibility is foretold, nobody is told when buildings hide a target: all True."""
+        """As in SectorSetup; all True where visibility is predicted, because the times are unknown."""
         return super()._known(world, true_states, visible) if self._times_are_known else np.ones_like(visible)
 
     def visible_ahead(self, belief: Belief, steps: int) -> Array:
         """Probability that each target is visible in each of the next steps, (env, steps, target).
 
-        From the estimate, its covariance and the map; without further looks. 0 after the end of the episode.
+        From the estimate, its covariance and the map, without further looks. 0 after the end of the episode.
 
         Raises:
             InputError: fewer than one step.

@@ -76,7 +76,7 @@ class SectorScene(LookScene):
         return visible
 
     def looks(self, moment: Moment) -> Looks:
-        """The target of each step, and whether a receiver detected it; nobody does during a set-up."""
+        """The target of each step, and whether a receiver detected it; no receiver does during a set-up."""
         target = np.array([target_of_action(self.system)[int(action[0]), 0] for action in moment.actions], np.int64)
         detected = np.array([state.truth.detections[0] > 0 for state in moment.states[1:]], np.bool_)
         return Looks(target[:, None], detected[:, None])

@@ -34,7 +34,7 @@ def fused_transition(system: SectorSetup, state: State, action: Array, world: Wo
 
 @shortcuts.linear_cost.register(SectorSetup)
 def linear_cost(system: SectorSetup) -> LinearCost:
-    """All targets move alike but for their process noise."""
+    """All targets have the same motion model except for their process noise."""
     return system.linear_cost
 
 

@@ -25,7 +25,7 @@ class World(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What no scheduler sees."""
+    """The part of the state that no scheduler sees."""
 
     targets: Array  # (env, target, 4)
     q: Array  # (env, target) process noise density, m^2/s^3
@@ -44,7 +44,7 @@ class Measurements(NamedTuple):
 
 
 class Belief(NamedTuple):
-    """The belief, the state of the illuminator, and what is known of the targets from the start."""
+    """The belief, the state of the illuminator, and the known process noise and visibility of the targets."""
 
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
@@ -52,7 +52,7 @@ class Belief(NamedTuple):
     pointed: Array  # (env,) int: target for which the illuminator is set up, -1 for none
     dead: Array  # (env,) int: remaining set-up steps without sensing
     q: Array  # (env, target) process noise density as the tracker assumes it, m^2/s^3
-    visible: Array  # (env, H, target) bool: visible from step k to k + 1 as known from the start; all True if foretold
+    visible: Array  # (env, H, target) bool: visible from step k to k + 1, known in advance; all True if predicted
     looked: Array  # (env,) int: 1 if the last step's pulse found its target, -1 if it found nothing, 0 without a pulse
 
 
@@ -84,7 +84,7 @@ def report_values(measurements: Measurements, reference_range: float) -> Array:
 
 
 def illuminator_fields(targets: int, dead_steps: int) -> tuple[ObservationField, ...]:
-    """The illuminator's own settings."""
+    """The settings of the illuminator."""
     listed = [
         ObservationField(f"pointed_{t}", "1", 0.5, 0.5, f"1 if the illuminator is set up for target {t}")
         for t in range(1, targets + 1)
@@ -102,7 +102,7 @@ def sector_fields(
         targets: their number.
         receivers: their number.
         dead_steps: of a set-up.
-        foretold: whether visibility is a probability, in place of known times.
+        foretold: whether the fields give the probability of visibility, in place of known times.
     """
     is_visible, passes, share = (
         ("probability that target {} is visible", "probability passes 1/2", "mean probability, over the next {} steps,")

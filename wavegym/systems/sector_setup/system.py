@@ -1,4 +1,4 @@
-"""One illuminator for several targets: changing the target takes time in which nothing is measured."""
+"""One illuminator for several targets: changing the target takes time without measurements."""
 
 from __future__ import annotations
 
@@ -48,35 +48,38 @@ Point = tuple[Coordinate, Coordinate]
 
 @system_parameters
 class SectorSetup(System, PlaysRecordings):
-    """One illuminator serves several targets; setting it up for another target costs steps without sensing.
+    """One illuminator serves several targets; changing the target costs steps without sensing.
 
     Description
-        The state of each target is [x xdot y ydot] (m, m/s), x_{k+1} = F x_k + w_k, with white acceleration of its own
-        density q. Each step illuminates one target with one waveform. An action with another target than the one set
-        up starts a set-up: for ``dead_steps`` steps no pulse is sent; another change of target starts again. Each
-        receiver measures the bistatic range (half the path length) and its rate. eta = 2E/N0 falls with Rt^2 Rr^2,
-        error variances with 1 / eta; receivers detect independently with probability Pd = Pf^(1 / (1 + eta / 2)). The
-        world uses eta at the true position, tracker and schedulers at the predicted position. Targets become visible
-        and hidden at times known from the start: they drive behind buildings on a map. Targets are far apart, so the
-        association is known and there are no false returns. An extended Kalman filter uses the detections. Where they
-        are curved over the spread of the prediction, posterior linearisation iterates the update. One step ahead a
-        set-up never pays; over a window of visibility it does. The waveform is given by its error variances alone, so
-        it has no timing; the receivers are separate and listen while the illuminator sends.
+        The state of each target is [x xdot y ydot] (m, m/s). It moves as x_{k+1} = F x_k + w_k with white acceleration;
+        its density q differs between targets. Each step illuminates one target with one waveform. An action with a new
+        target starts a set-up: no pulse is sent for ``dead_steps`` steps. Another change of target starts a new set-up.
+        One step ahead a set-up never pays; over a window of visibility it does.
+
+        Each receiver measures the bistatic range (half the path length) and its rate. eta = 2E/N0 falls with Rt^2 Rr^2,
+        and error variances with 1 / eta. Receivers detect independently with probability Pd = Pf^(1 / (1 + eta / 2)).
+        The world uses eta at the true position, tracker and schedulers at the predicted position. A waveform is given
+        by its error variances alone, so it has no timing. The receivers are separate and listen while the illuminator
+        transmits.
+
+        Targets drive behind buildings on a map, so they are hidden at times known in advance. Targets are far apart, so
+        the association is known and there are no false returns. An extended Kalman filter uses the detections. Where
+        the measurements are curved over the spread of the prediction, posterior linearisation iterates the update.
 
     Rewards
         -trace(Lambda P) summed over the targets, Lambda = diag(weights): m^2, with 1 s^2 on the velocities.
 
     Starting state
-        True targets start uniformly in the region with any heading; the first estimate is drawn around the truth with
+        True targets start uniformly in the region with any heading. The first estimate is drawn around the truth with
         covariance P0 = diag(prior_variance). The illuminator is set up for no target.
 
     Episode end
-        Terminates after ``horizon`` steps; the time left is observed.
+        Terminates after ``horizon`` steps. The remaining time is observed.
 
     References
         S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
         targets in clutter" (SNR and detection). A. F. Garcia-Fernandez et al., "Posterior linearization filter:
-        principles and implementation using sigma points", 2015 (the iteration). The set-up time is this suite's own.
+        principles and implementation using sigma points", 2015 (the iteration). This suite adds the set-up time.
     """
 
     horizon: int = parameter(60, "steps in an episode", ge=1, le=100_000)
@@ -112,15 +115,13 @@ class SectorSetup(System, PlaysRecordings):
     )
     reference_snr: float = parameter(20.0, "eta at the reference range, a ratio", truth=True, gt=0)
     reference_range: float = parameter(5.65e3, "Rt = Rr at which eta is reference_snr", unit="m", truth=True, gt=0)
-    nearest_range: float = parameter(
-        500.0, "the SNR grows no further where Rt or Rr is below it", unit="m", truth=True, gt=0
-    )
+    nearest_range: float = parameter(500.0, "the SNR uses at least this Rt and Rr", unit="m", truth=True, gt=0)
     false_alarm: float = parameter(1e-3, "false alarm probability Pf", truth=True, gt=0, lt=1)
-    shown: tuple[int, int] = parameter((6, 14), "least and greatest number of steps for which a target stays visible")
-    hidden: tuple[int, int] = parameter((4, 10), "least and greatest number of steps for which it stays hidden")
+    shown: tuple[int, int] = parameter((6, 14), "minimum and maximum number of steps in which a target stays visible")
+    hidden: tuple[int, int] = parameter((4, 10), "minimum and maximum number of steps in which it stays hidden")
     windows: tuple[Window, ...] = parameter(
         (),
-        "(target, first step, last step) in which a target is hidden, in place of drawn windows",
+        "(target, first step, last step) in which a target is hidden; () draws the windows",
         unit="",
         truth=True,
     )
@@ -128,18 +129,18 @@ class SectorSetup(System, PlaysRecordings):
         (1.0, 1.0, 1.0, 1.0), "diagonal of Lambda", unit="1, s^2"
     )
     iterations: int = parameter(
-        10, "most iterations of an update; 1 is the plain extended Kalman filter", ge=1, le=1_000_000
+        10, "maximum iterations of an update; 1: the extended Kalman filter", ge=1, le=1_000_000
     )
-    tracks: Path | None = tracks_parameter("in place of drawn targets")
+    tracks: Path | None = tracks_parameter("that replaces the drawn targets")
     radar: tuple[float, ...] | None = radar_parameter()
     farthest_range: float = farthest_range_parameter(10e3)
     smoothing: float | None = smoothing_parameter()
-    lost_beyond: ClassVar[float] = 300.0  # m: half the width of a sector of .15 rad in the middle of region
+    lost_beyond: ClassVar[float] = 300.0  # m: half the width of a sector of 0.15 rad in the middle of region
 
     nees_dimension = 4  # position and velocity
 
     def __post_init__(self) -> None:
-        """Check what single fields cannot say."""
+        """Check several fields together."""
         check_within("nearest_range", self.nearest_range, 0, self.reference_range, "m")
         for axis, bounds in zip("xy", self.region, strict=True):
             check_ordered(f"{axis} of region", *bounds)
@@ -350,9 +351,9 @@ class SectorSetup(System, PlaysRecordings):
         )
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """For each target ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4) and ``lost``: the
-        error exceeds half the width of the illuminated sector. For the step: ``detections``, and ``dead``: no pulse was
-        sent.
+        """For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4) and ``lost``
+        (the error exceeds half the width of the illuminated sector). For the step: ``detections`` and ``dead`` (no
+        pulse was sent).
         """
         truth, belief = state
         values = np.empty((3, *belief.mean.shape[:2]))

@@ -24,9 +24,8 @@ class UrbanReceivers:
     """Receivers that simulate and process the signals of a scene.
 
     Each receiver subtracts the mean of ``FRAMES`` trains that it recorded without targets. Walls and trees do not move,
-    so their echoes are the same in the scan and in the recording, and the difference has none: it is never computed.
-    The noise of the recording is left. The paper subtracts mean magnitudes of images; a mean of complex signals keeps a
-    target that coincides with the echo of a wall.
+    so their echoes cancel and are never computed. The noise of the recording remains. The paper subtracts mean
+    magnitudes of images; a mean of complex signals keeps a target that coincides with the echo of a wall.
 
     Args:
         pairs: each transmitter with each receiver.

@@ -13,13 +13,13 @@ class UrbanSignal(Urban):
     """The urban loop at the signal level: pulse trains at array elements, matched filters, peaks.
 
     Description
-        As wavegym/Urban-v0, but measurements come from simulated signals at the three elements of each receiver:
-        echoes of targets over all paths, and noise. The mean of thirty frames without targets is subtracted: echoes of
-        walls and trees cancel, its noise stays. Matched filters give an image over delay and Doppler. Peaks in the
-        best direction, above a threshold that noise exceeds ``clutter_density`` times per (m x m/s), are measured by a
-        quadratic fit to log |A|^2. Paths less than a resolution cell apart return one peak. A train has 25 pulses,
-        25 ms. The echo of each path has a new phase and a new amplitude in every scan (``fluctuation``). The tracker
-        knows that a receiver takes the greatest value of an image: Pd is that of
+        As wavegym/Urban-v0, but measurements come from simulated signals at the three elements of each receiver: echoes
+        of targets over all paths, and noise. The mean of thirty frames without targets is subtracted. This cancels the
+        echoes of walls and trees and adds the noise of the mean. Matched filters give an image over delay and Doppler.
+        Peaks in the best direction count if they exceed a threshold that noise exceeds ``clutter_density`` times per (m
+        x m/s). A quadratic fit to log |A|^2 measures them. Paths less than a resolution cell apart return one peak. A
+        train has 25 pulses and lasts 25 ms. The echo of each path has a new phase and a new amplitude in every scan
+        (``fluctuation``). The tracker knows that a receiver takes the greatest value of an image: its Pd is that of
         ``wavegym.sensors.detection_probability`` with searched = 3.
 
     Rewards

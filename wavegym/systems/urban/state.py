@@ -30,7 +30,7 @@ class World(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What no scheduler sees."""
+    """The part of the state that no scheduler sees."""
 
     targets: Array  # (env, target, 6): x, y, xdot, ydot, xddot, yddot
     present: Array  # (env, target)

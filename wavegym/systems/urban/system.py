@@ -57,41 +57,45 @@ _shared_receiver = lru_cache(maxsize=64)(ArrayReceiver)
 
 @system_parameters
 class Urban(System, DecisionMakers, TimedPulses):
-    """A multistatic radar in urban terrain tracks an unknown number of targets and chooses its pulses scan by scan.
+    """A multistatic radar in urban terrain tracks an unknown number of targets and chooses its pulses in every scan.
 
     Description
-        The paper's tracking benchmark, with nothing to decide: by default one pulse, the first, is best in every scan.
-        One or more transmitters, two or more receivers, and buildings that hide targets and reflect signals. Two
-        targets drive the same route through a crossing, ten seconds apart: straight on, braking, a left turn, speeding
-        up. A scan is a train of Gaussian chirps of one of four kinds. Receivers are antennas of their own (bistatic):
-        they listen while the transmitter sends, so no echo is eclipsed; the direct signal, which they hear then, is
-        taken to be subtracted. Each receiver detects each propagation path from
-        a transmitter by a target, over up to two walls, with Pd = Pfa^(1 / (1 + eta / 2)), unless ``fluctuation`` or
-        ``searched`` name another law. The path is measured in
-        range and range-rate with covariance R(psi) / eta, plus rate_floor^2 for range-rate, and in direction of
-        arrival. eta is its mean, unless ``error_snr`` names that of the scan; the mean falls with the fourth power of
-        the half path length and by a factor of .4 at each wall. Each
-        receiver is a line of three elements, half a wavelength apart. It measures the cosine of the angle between its
-        line and the direction, with variance 12 / (pi^2 (3^2 - 1) eta), and cannot tell a direction from its mirror
-        image in the line: the lines of two receivers stand at right angles. There are false returns. Random
-        accelerations push targets off the route, and their drivers steer back. The tracker starts, confirms and ends
-        tracks: LMIPDA and a variable-structure IMM of unscented filters.
+        This is the paper's tracking benchmark. There is nothing to decide: by default the first pulse is best in every
+        scan. The scene has one or more transmitters, two or more receivers, and buildings that hide targets and reflect
+        signals. Two targets drive the same route through a crossing, ten seconds apart: straight on, braking, a left
+        turn, speeding up. Random accelerations push targets off the route, and their drivers steer back.
+
+        A scan is a train of Gaussian chirps of one of four kinds. Receivers have their own antennas (bistatic) and
+        listen while the transmitter transmits, so no echo is eclipsed. The direct signal is assumed to be subtracted.
+
+        A propagation path leads from a transmitter over a target to a receiver, with up to two wall reflections. Each
+        receiver detects each path with probability Pd = Pfa^(1 / (1 + eta / 2)), unless ``fluctuation`` or ``searched``
+        name another law. It measures range and range-rate with covariance R(psi) / eta, plus rate_floor^2 for
+        range-rate, and direction of arrival. eta is the mean, unless ``error_snr`` names that of the scan. The mean
+        falls with the fourth power of the half path length and by a factor of 0.4 at each wall. There are also false
+        returns.
+
+        Each receiver is a line of three elements, half a wavelength apart. It measures the cosine of the angle between
+        its line and the direction of arrival, with variance 12 / (pi^2 (3^2 - 1) eta). It cannot tell a direction from
+        its mirror image in the line, so the lines of two receivers stand at right angles.
+
+        The tracker starts, confirms and ends tracks: LMIPDA and a variable-structure IMM of unscented filters.
 
     Rewards
-        Minus the cost, summed over the ``charged`` slots of least cost: r min(trace(Lambda P), c0) + (1 - r) c0, with r
-        the existence probability of the track and c0 the trace of a new track of greatest uncertainty; m^2, with
-        ``weights`` 1, 1 s^2 and 1 s^4 on positions, velocities and accelerations. Losing a track never pays; a false
-        track pays in proportion to its existence probability.
+        Minus the cost: the sum over the ``charged`` slots of least cost of r min(trace(Lambda P), c0) + (1 - r) c0. r
+        is the existence probability of the track, and c0 the trace of a new track of greatest uncertainty. The unit is
+        m^2, with ``weights`` 1, 1 s^2 and 1 s^4 on positions, velocities and accelerations. Losing a track never pays.
+        A false track pays in proportion to its existence probability.
 
     Starting state
-        No tracks; each target enters at its arrival.
+        There are no tracks. Each target enters at its arrival.
 
     Episode end
-        Terminates after ``horizon`` scans; the time left is observed.
+        Terminates after ``horizon`` scans. The remaining time is observed.
 
     References
         P. R. Barbosa, Y. Sarkale, E. K. P. Chong, Y. Li, S. Suvorova and W. Moran, "Controlled tracking in urban
-        terrain: closing the loop". Buildings and clutter are read off the figure of the paper; SNR and thresholds are
+        terrain: closing the loop". Buildings and clutter are read off the paper's figure. SNR and thresholds are
         proposals of this suite.
     """
 
@@ -105,7 +109,7 @@ class Urban(System, DecisionMakers, TimedPulses):
         ((2088.0, 1475.0), (2078.0, 1467.0)), "positions (x, y) of the receivers, at least two", unit="m"
     )
     direction_of_arrival: bool = parameter(
-        True, "whether receivers report directions, and covariances of peaks; False: the tracker of the paper", unit=""
+        True, "whether receivers report directions, and covariances of peaks; False: the paper's tracker", unit=""
     )
     array_axes: tuple[float, ...] | None = parameter(
         None, "azimuth of each receiver's line of elements; by default 0 and 90 in turn", unit="deg"
@@ -123,8 +127,8 @@ class Urban(System, DecisionMakers, TimedPulses):
     )
     durations: tuple[Positive, ...] = parameter(
         (1.375e-6, 0.5e-6),
-        "k of the envelopes exp(-t^2 / 2k^2), each with an up and a down sweep; without tracks the one-step "
-        "scheduler sends the first",
+        "k of the envelopes exp(-t^2 / 2k^2), each with an up and a down sweep; the one-step scheduler sends the first "
+        "if there are no tracks",
         unit="s",
     )
     bandwidth: float = parameter(40e6, "bandwidth swept in the effective pulse length 7.43 k", unit="Hz", gt=0)
@@ -151,7 +155,7 @@ class Urban(System, DecisionMakers, TimedPulses):
         truth=True,
         ge=0,
     )
-    vaguest: float = parameter(5.0, "largest standard deviation of the position of a new track", unit="m", gt=0)
+    vaguest: float = parameter(5.0, "maximum standard deviation of the position of a new track", unit="m", gt=0)
     ghosts: bool = parameter(True, "whether the tracker uses the map to recognise ghosts", unit="")
     slots: int = parameter(8, "maximum number of tracks", ge=1, le=1000)
     charged: int = parameter(2, "number of slots in the cost", ge=1)
@@ -161,21 +165,22 @@ class Urban(System, DecisionMakers, TimedPulses):
     )
     fluctuation: Literal["swerling0", "swerling1", "swerling2", "swerling3", "swerling4"] = parameter(
         "swerling1",
-        "fluctuation of echoes from scan to scan; a train is one coherent pulse, so 2 is as 1, and 4 as 3",
+        "fluctuation of echoes from scan to scan; a train is one coherent pulse, so swerling2 equals swerling1 and "
+        "swerling4 equals swerling3",
         unit="",
         truth=True,
     )
     error_snr: Literal["mean", "realised"] = parameter(
         "mean",
-        "eta that sets errors of detected echoes and the tracker's covariances: the mean, or that of the scan given "
-        "the detection, at least 1; with fidelity='signal' only covariances that the tracker makes, not those of peaks",
+        "eta that sets the errors of detected echoes and the tracker's covariances: the mean, or that of the scan "
+        "given the detection, at least 1; with fidelity='signal' peaks keep their own covariances",
         unit="",
         truth=True,
     )
     searched: int | None = parameter(
         None,
-        "quantities over which receivers take the greatest value of an image about an echo, which raises Pd; by "
-        "default 0, the value at a known cell; with fidelity='signal' always 3: delay, Doppler shift, direction",
+        "number of quantities over which receivers search for the peak of an echo, which raises Pd; by default 0: "
+        "the cell is known; with fidelity='signal' always 3: delay, Doppler shift, direction",
         unit="",
         ge=0,
     )
@@ -190,7 +195,7 @@ class Urban(System, DecisionMakers, TimedPulses):
     nees_dimension = 4  # position and velocity
 
     def __post_init__(self) -> None:
-        """Check what single fields cannot say."""
+        """Check several fields together."""
         check_positive("sum of weights", sum(self.weights))
         if len(self.arrivals) > MOST_TARGETS:
             raise InputError(f"arrivals has {len(self.arrivals)} targets, expected at most {MOST_TARGETS}, for GOSPA")
@@ -209,7 +214,7 @@ class Urban(System, DecisionMakers, TimedPulses):
         _ = self.actions, self.urban_tracker, self.scene, self._most
 
     def _check_antennas(self) -> None:
-        """InputError for an antenna so far from all roads that no echo from a road is received."""
+        """InputError for an antenna too far from all roads to receive an echo."""
         for name in ("transmitters", "receivers"):
             for place in getattr(self, name):
                 away = self.map.paved.distance(shapely.Point(place))
@@ -449,7 +454,7 @@ class Urban(System, DecisionMakers, TimedPulses):
         return np.add.reduce(each[:, : self.charged], axis=1).reshape(belief.existence.shape[:-1])
 
     def trace(self, belief: Belief) -> Array:
-        """trace(W P) summed over the tracks in use, however doubtful they are."""
+        """trace(W P) summed over the tracks in use, whatever their existence probability."""
         _, P = Tracks(*belief[1:]).combined()
         each = (np.diagonal(P, 0, -2, -1) * self._weights).sum(axis=-1)
         return np.where(belief.status == EMPTY, 0.0, each).sum(axis=-1)
@@ -470,10 +475,10 @@ class Urban(System, DecisionMakers, TimedPulses):
         return np.array(self.transmitters[0])
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """For each target ``held``: a confirmed track is within 20 m; ``position_error`` of the nearest track (20 m if
-        not held, 0 while the target is absent), its ``position_variance`` (m^2) and ``nees`` (expected: 4);
-        ``present``: equal to ``held``, which selects the targets that evaluations average; ``lost``: both direct paths
-        are visible, but the target is not held. For the scan: the numbers of ``confirmed``, ``false`` and ``tentative``
+        """For each target: ``held`` (a confirmed track is within 20 m), ``position_error`` of the nearest track (20 m
+        if not held, 0 while the target is absent), its ``position_variance`` (m^2) and ``nees`` (expected: 4),
+        ``present`` (equal to ``held``: evaluations average over these targets) and ``lost`` (both direct paths are
+        visible, but the target is not held). For the scan: the numbers of ``confirmed``, ``false`` and ``tentative``
         tracks, of tracks ``refused`` a slot and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
         """
         return urban_info(state, self.truth_model.scene.direct)
