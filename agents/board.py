@@ -19,10 +19,10 @@ import numpy as np
 from agents import blocks
 from agents.leaderboard import ROOT, environment_of, saved
 from agents.suite_score import over_suite, profile, suite_score
+from wavegym.core import VERSION
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
-from wavegym.core.version import VERSION
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.picture import as_png
 from wavegym.evaluation.saved import AGENTS

@@ -31,8 +31,8 @@ from torch import Tensor
 from wavegym.core.arrays import Array
 from wavegym.systems.multifunction_radar import beam_kernels as beams
 from wavegym.systems.multifunction_radar.state import World
+from wavegym.systems.multifunction_radar.step_kernels import fly_all
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
-from wavegym.systems.multifunction_radar.target_kernels import fly_all
 
 CELL = 0.25  # s: a cell's information counts from the cell's beginning
 VELOCITY = 30.0  # m/s

@@ -21,7 +21,7 @@ from agents.timing import ALONE, decisions_us
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
-from wavegym.core.workers import add_worker_options, workers
+from wavegym.core.work import add_worker_options, workers
 from wavegym.core.worlds import word
 from wavegym.evaluation import compare, full_id, make_task, statistics
 from wavegym.evaluation.comparison import BASELINE

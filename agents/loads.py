@@ -34,9 +34,9 @@ from wavegym.evaluation.task import Task
 from wavegym.policies.runs import load_policy
 from wavegym.schedulers import RandomChoice
 from wavegym.schedulers.heuristics.cma_search import Budget, searched_constants
-from wavegym.schedulers.heuristics.registry import HEURISTICS, TIMELINE
-from wavegym.schedulers.heuristics.tuning import Constants, log_cost, tuned
-from wavegym.schedulers.planners.dwell_rollout import DwellRollout
+from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
+from wavegym.schedulers.planners.rollout import DwellRollout
+from wavegym.schedulers.tuning import Constants, log_cost, tuned
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH
 
 NAME = "MultifunctionRadar"

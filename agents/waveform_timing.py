@@ -13,9 +13,9 @@ from scipy.optimize import brentq
 
 from agents import blocks
 from agents.leaderboard import ROOT
+from wavegym.core.action_sets import quantity
 from wavegym.core.arrays import FloatArray
 from wavegym.core.command_line import Parser, guarded
-from wavegym.core.units import quantity
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.picture import as_png
 from wavegym.evaluation.table import tabulated

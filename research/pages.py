@@ -17,8 +17,8 @@ from agents import blocks
 from agents.leaderboard import HEADROOM, ROOT, entry, foresight, scores
 from research.benchmarks.steps import read as read_speeds
 from research.benchmarks.steps import table as speed_table
+from wavegym.core.build import load_object
 from wavegym.core.command_line import Parser, guarded
-from wavegym.core.loading import load_object
 from wavegym.envs.describe import describe, summary, table
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.files import write_whole

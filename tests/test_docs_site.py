@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 import yaml
 
-from wavegym.core.version import VERSION
+from wavegym.core import VERSION
 from wavegym.registration import SYSTEMS
 
 ROOT = Path(__file__).parents[1]

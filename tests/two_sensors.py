@@ -8,8 +8,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from wavegym.core import shortcuts
-from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
-from wavegym.core.parameter_box import Parameter, ParameterBox
+from wavegym.core.action_sets import JointLibrary, Parameter, ParameterBox, PerSensorLibrary
 from wavegym.core.parameters import changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.waveforms import SPEED_OF_LIGHT, gaussian_chirp_library

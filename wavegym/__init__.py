@@ -17,9 +17,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from wavegym.core import VERSION
 from wavegym.core.errors import InputError, InputWarning
 from wavegym.core.policy import Policy
-from wavegym.core.version import VERSION
 from wavegym.registration import list_envs, register, register_suite
 
 __version__ = VERSION

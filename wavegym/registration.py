@@ -49,7 +49,7 @@ SYSTEMS = {
         f"{LOOPS}.agile_clutter.system:AgileClutter", f"{LOOPS}.agile_clutter.scene:TargetScene"
     ),
     "wavegym/RfEo-v0": Registration(f"{LOOPS}.rf_eo.system:RfEo", f"{LOOPS}.rf_eo.scene:PlatformScene"),
-    "wavegym/RfEoFar-v0": Registration(f"{LOOPS}.rf_eo.far:RfEoFar"),
+    "wavegym/RfEoFar-v0": Registration(f"{LOOPS}.rf_eo.system:RfEoFar"),
     "wavegym/Urban-v0": Registration(f"{LOOPS}.urban.system:Urban", f"{LOOPS}.urban.scene:UrbanScene"),
     "wavegym/UrbanSignal-v0": Registration(f"{LOOPS}.urban.signal:UrbanSignal"),
     "wavegym/CameraSlew-v0": Registration(

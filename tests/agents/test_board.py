@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from agents import board
+from wavegym.core import VERSION
 from wavegym.core.errors import InputError
-from wavegym.core.version import VERSION
 from wavegym.evaluation.submission import PARAMETERS
 
 

@@ -11,7 +11,7 @@ from agents import loads, loads_page
 from wavegym.core.worlds import world_seeds
 from wavegym.evaluation import make_task
 from wavegym.evaluation.play import play
-from wavegym.schedulers.heuristics.registry import HEURISTICS, TIMELINE
+from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ from PIL import Image
 
 import wavegym
 from wavegym.cli.main import COMMANDS, main
+from wavegym.core import VERSION
 from wavegym.core.command_line import guarded
-from wavegym.core.version import VERSION
 from wavegym.evaluation import make_task, world_seeds
 from wavegym.evaluation.play import play
 from wavegym.policies.runs import PRETRAINED

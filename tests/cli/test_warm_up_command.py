@@ -10,7 +10,7 @@ from numba.core import event
 
 from wavegym.cli.main import main
 from wavegym.schedulers import tuned_constants
-from wavegym.testing import model_check
+from wavegym.testing import check
 
 ID = "KershawEvansPosition-v0"
 
@@ -77,6 +77,6 @@ def test_a_defect_in_what_planners_call_is_left_to_the_check(
         asked.append(system)
         raise ValueError("predict fails")
 
-    monkeypatch.setattr(model_check, "prediction_defect", defective)
+    monkeypatch.setattr(check, "prediction_defect", defective)
     assert main(["warm-up", "tests/Uneven-v0", "--jobs", "1"]) == 0
     assert len(asked) == 1

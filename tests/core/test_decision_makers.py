@@ -8,10 +8,9 @@ import gymnasium as gym
 import pytest
 from two_sensors import TwoSensors
 
-from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
-from wavegym.core.decision_makers import decision_makers, makers_by_form
-from wavegym.core.parameter_box import Parameter, ParameterBox
+from wavegym.core.action_sets import JointLibrary, Library, Parameter, ParameterBox, PerSensorLibrary
 from wavegym.core.parameters import system_parameters
+from wavegym.core.policy import decision_makers, makers_by_form
 from wavegym.core.traits import DecisionMaker, DecisionMakers
 from wavegym.testing.shortcut_check import shortcut_defect
 

@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from wavegym.core.action_sets import Parameter, ParameterBox
 from wavegym.core.errors import InputError
-from wavegym.core.parameter_box import Parameter, ParameterBox
 
 BOX = ParameterBox(
     (Parameter("duration", "s", 10e-6, 300e-6), Parameter("sweep", "Hz", -15e6, 15e6, scale="linear")),

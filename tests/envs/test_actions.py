@@ -13,7 +13,7 @@ from wavegym.core.errors import InputError
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.envs.actions import action_reader
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
-from wavegym.testing.bitwise import difference
+from wavegym.testing.lockstep import difference
 
 LIBRARY, BOX = KershawEvansPosition(horizon=20), KershawEvansPosition(horizon=20, action="box")
 

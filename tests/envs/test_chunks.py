@@ -16,7 +16,7 @@ import wavegym
 from wavegym.core import trees
 from wavegym.core.errors import InputError
 from wavegym.envs.chunks import in_chunks
-from wavegym.testing.bitwise import difference
+from wavegym.testing.lockstep import difference
 
 ENVS, STEPS, LIMIT = 5, 9, 4
 SETTINGS: dict[str, dict[str, Any]] = {

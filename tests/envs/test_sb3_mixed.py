@@ -10,7 +10,7 @@ import pytest
 from wavegym.core.errors import InputError
 from wavegym.envs.sb3 import SB3VecEnv
 from wavegym.envs.sb3_mixed import SB3MixedVecEnv
-from wavegym.testing.bitwise import difference
+from wavegym.testing.lockstep import difference
 
 ID = "wavegym/KershawEvansPosition-v0"
 

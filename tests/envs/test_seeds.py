@@ -9,7 +9,7 @@ from wavegym.core.errors import InputError
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.envs.episodes import seed_list
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
-from wavegym.testing.bitwise import difference
+from wavegym.testing.lockstep import difference
 
 ID = "wavegym/KershawEvansPosition-v0"
 SYSTEM = KershawEvansPosition(horizon=5)

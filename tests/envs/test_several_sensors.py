@@ -22,8 +22,8 @@ from wavegym.envs.describe import describe
 from wavegym.envs.film import headline
 from wavegym.rendering.timelines import Timelines, draw_choices, draw_predicted
 from wavegym.testing import check_vector_env
-from wavegym.testing.bitwise import difference
 from wavegym.testing.check import ConformanceError
+from wavegym.testing.lockstep import difference
 
 SYSTEM = TwoSensors()
 SHORT, LONG, MIDDLE = SYSTEM.library.labels

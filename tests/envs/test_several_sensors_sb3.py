@@ -13,7 +13,7 @@ from two_sensors import TwoSensors
 
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.envs.sb3 import SB3VecEnv
-from wavegym.testing.bitwise import difference
+from wavegym.testing.lockstep import difference
 
 COUNT = 3
 SMALL = {"policy_kwargs": {"net_arch": [8]}, "seed": 5, "device": "cpu"}

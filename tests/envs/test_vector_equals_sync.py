@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from small_systems import BRIEF, has_form
 
 import wavegym
-from wavegym.testing.bitwise import difference
+from wavegym.testing.lockstep import difference
 
 POSITION = "wavegym/KershawEvansPosition-v0"
 MODES = ["NextStep", "SameStep", "Disabled"]

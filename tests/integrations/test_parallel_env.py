@@ -13,8 +13,8 @@ from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
 from pettingzoo.utils import parallel_to_aec
 from two_sensors import Coupled, TwoSensors
 
+from wavegym.core.action_sets import Parameter, ParameterBox
 from wavegym.core.errors import InputError
-from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.core.parameters import system_parameters
 from wavegym.integrations.pettingzoo import parallel_env
 

@@ -9,7 +9,7 @@ import pytest
 
 from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, make_task
-from wavegym.observations.measured import MeasurementObserver
+from wavegym.observations.observer import MeasurementObserver
 
 OFFERING = (
     "KershawEvans-v0",

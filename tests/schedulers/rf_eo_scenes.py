@@ -7,8 +7,7 @@ import oracles
 
 from wavegym.core import trees
 from wavegym.schedulers import Myopic
-from wavegym.systems.rf_eo.far import RfEoFar
-from wavegym.systems.rf_eo.system import RfEo
+from wavegym.systems.rf_eo.system import RfEo, RfEoFar
 
 NEAR = (
     ((-1e3, -1e3), (1e3, -1e3), (0.0, 3e3)),

@@ -12,8 +12,8 @@ from rf_eo_scenes import beliefs, scene
 from scheduler_systems import Level
 
 from wavegym.core import shortcuts
+from wavegym.core.action_sets import Parameter, ParameterBox
 from wavegym.core.errors import InputError
-from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.schedulers import Continuous, InfeasibleThreshold, Myopic, MyopicClosedForm, MyopicInformation, rollout
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 from wavegym.systems.rf_eo.system import RfEo

@@ -16,7 +16,7 @@ from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.rewards import make_reward
 from wavegym.schedulers import Continuous, Cycle, Fixed, Lookahead, Myopic, RandomChoice, RoundRobin, rollout
 from wavegym.schedulers import registry as schedulers
-from wavegym.schedulers.heuristics.registry import HEURISTICS, TIMELINE
+from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
 from wavegym.schedulers.myopic import OBJECTIVES
 from wavegym.schedulers.registry import MEANINGS, RENAMED, SCHEDULERS, is_scheduler, make_policy
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition, World

@@ -16,9 +16,9 @@ from wavegym.evaluation.task import Task
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers import registry as names
 from wavegym.schedulers import rollout, tuned_constants
+from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay
 from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice
-from wavegym.schedulers.heuristics.registry import HEURISTICS, TIMELINE
 from wavegym.schedulers.heuristics.rule_features import RuleFeatures
 from wavegym.schedulers.registry import is_scheduler, make_policy
 

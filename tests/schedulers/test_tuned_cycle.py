@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from scheduler_systems import Ladder, Level, small
 
 from wavegym.core import shortcuts, trees
-from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, Library, Parameter, ParameterBox, PerSensorLibrary
 from wavegym.core.errors import InputError
-from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.core.system import State, System
 from wavegym.schedulers import Cycle, Fixed, rollout
 from wavegym.schedulers import cycle as searching

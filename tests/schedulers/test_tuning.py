@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wavegym.core import shortcuts, trees
-from wavegym.core.parameter_box import Parameter, ParameterBox
+from wavegym.core.action_sets import Parameter, ParameterBox
 from wavegym.core.system import State, System
 from wavegym.schedulers import Cycle, rollout
 from wavegym.schedulers.tuning import POLISHING, TOLERANCE, best_constant, best_fixed, polished, tuning_costs

@@ -12,8 +12,8 @@ from wavegym.core.errors import InputError
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 from wavegym.testing import check_vector_env
-from wavegym.testing.bitwise import difference
 from wavegym.testing.check import ConformanceError
+from wavegym.testing.lockstep import difference
 
 SYSTEM = "wavegym.systems.kershaw_evans.system:KershawEvansPosition"
 

@@ -8,8 +8,7 @@ import pytest
 from wavegym.envs import WaveformVectorEnv
 from wavegym.systems.kershaw_evans.system import KershawEvans
 from wavegym.testing import check_vector_env
-from wavegym.testing.check import ConformanceError
-from wavegym.testing.model_check import prediction_defect
+from wavegym.testing.check import ConformanceError, prediction_defect
 
 
 class Stuck(KershawEvans):

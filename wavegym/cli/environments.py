@@ -151,11 +151,11 @@ def _try(name: str, system: System, tape: Any) -> None:
 
     from wavegym.core import shortcuts
     from wavegym.core.policy import Clairvoyant
-    from wavegym.schedulers.heuristics.registry import HEURISTICS, check
+    from wavegym.schedulers.heuristics.grids import HEURISTICS
     from wavegym.schedulers.myopic import Myopic
     from wavegym.schedulers.registry import PLANNERS, PLANS, make_policy
     from wavegym.schedulers.rollout import allowed
-    from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE, planner_name
+    from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE, check, planner_name
 
     name = planner_name(system) if name == PLANNER else name
     family, _, letter = name.partition(":")

@@ -10,7 +10,7 @@ from wavegym.cli.environments import environment_parser, read_environment
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
 from wavegym.core.registry import import_package
-from wavegym.core.workers import add_worker_options, workers
+from wavegym.core.work import add_worker_options, workers
 
 POLICIES = """comma-separated names, which wavegym policies ENV lists and explains; the folder of a trained run (or of
 several runs, one for each seed); an ONNX file (FILE.onnx), as of wavegym export; with --trust, a model saved by

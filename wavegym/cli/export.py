@@ -7,7 +7,7 @@ from pathlib import Path
 
 from wavegym.core.command_line import Parser
 from wavegym.core.errors import InputError
-from wavegym.core.workers import add_worker_options, workers
+from wavegym.core.work import add_worker_options, workers
 from wavegym.registration import NAMESPACE
 
 

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import NamedTuple
 
+from wavegym.core import VERSION
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
-from wavegym.core.version import VERSION
 
 
 class Command(NamedTuple):

@@ -21,7 +21,7 @@ from wavegym.core.errors import InputError, check_choice, nearest
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.registry import import_package
 from wavegym.core.toml import read_toml
-from wavegym.core.workers import add_worker_options, workers
+from wavegym.core.work import add_worker_options, workers
 
 
 def parser() -> Parser:

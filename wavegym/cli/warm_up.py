@@ -70,7 +70,7 @@ def _step(env_id: str) -> None:
     import gymnasium as gym
 
     from wavegym.schedulers.tuned_constants import SIMPLE, recorded
-    from wavegym.testing.model_check import prediction_defect
+    from wavegym.testing.check import prediction_defect
 
     single: Any = gym.make(env_id, disable_env_checker=True)
     envs: Any = gym.make_vec(env_id, num_envs=2)

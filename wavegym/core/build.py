@@ -1,14 +1,34 @@
-"""Build a system from its class, its place or another system, and parameters."""
+"""Objects by their place, and systems from their class, their place or another system."""
 
 from __future__ import annotations
 
 import dataclasses
+import importlib
 from collections.abc import Iterable
 from typing import Any
 
-from wavegym.core.loading import load_object
+from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
 from wavegym.core.system import System
+
+
+def load_object(what: str, place: str) -> Any:
+    """The object at ``"package.module:name"``.
+
+    Args:
+        what: the object's part, for an error, such as ``"system"``.
+        place: where it is.
+
+    Raises:
+        InputError: no such module or name.
+    """
+    module, _, name = place.partition(":")
+    if not name:
+        raise InputError(f"{what} is {place!r}, expected 'package.module:Class'")
+    try:
+        return getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"{what} is {place!r}, which cannot be loaded: {error}") from None
 
 
 def build_system(system: System | type[System] | str, parameters: dict[str, Any], beside: Iterable[str] = ()) -> System:

@@ -23,7 +23,6 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.horizon_weights import LinearCost
-from wavegym.core.recursion import Recursion
 from wavegym.core.traits import DwellRule, lacks_trait
 
 P = ParamSpec("P")
@@ -31,6 +30,20 @@ R = TypeVar("R")
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 KINDS: dict[str, Shortcut[..., Any]] = {}  # all kinds that were declared, by name
+
+
+class Recursion(NamedTuple):
+    """The Riccati recursion of each environment to the episode's end: a linear model, Pd = 1 and a known SNR.
+
+    At step k + 1 action a measures with covariance R[env, k, a]; the cost of a step is sum_i weights[i] P_ii.
+    """
+
+    covariance: Array  # (env, n, n) P0, positive definite
+    F: Array  # (n, n)
+    Q: Array  # (n, n)
+    M: Array  # (m, n) measurement matrix
+    R: Array  # (env, H, A, m, m) measurement covariances at steps 1 ... H, in the order of ``candidates``
+    weights: Array  # (n,)
 
 
 class Shortcut(Generic[P, R]):

@@ -29,10 +29,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from wavegym.core.action_sets import ActionSet, PerSensorLibrary
+from wavegym.core.action_sets import ActionSet, ParameterBox, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, nearest
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import make_checked, parameter_infos
 from wavegym.core.shortcuts import fused_transition
 

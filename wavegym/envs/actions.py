@@ -7,10 +7,9 @@ from typing import Any, Protocol
 import numpy as np
 from gymnasium import spaces
 
-from wavegym.core.action_sets import PerSensorLibrary
+from wavegym.core.action_sets import ParameterBox, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, WrongTypeError
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.envs import action_kernels
 

@@ -17,9 +17,8 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, ParameterBox, PerSensorLibrary
 from wavegym.core.arrays import Array
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.system import ObservationField, System
 from wavegym.core.traits import TimedPulses, UnequalSteps

@@ -18,8 +18,7 @@ from wavegym.core.errors import InputError, check_choice
 from wavegym.core.system import State, System
 from wavegym.envs.chunks import in_chunks
 from wavegym.envs.rewards import Reward, Transition
-from wavegym.observations.measured import MeasurementObserver
-from wavegym.observations.observer import Observer
+from wavegym.observations.observer import MeasurementObserver, Observer
 
 OBSERVATIONS = ("belief", "measurements")
 

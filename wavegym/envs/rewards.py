@@ -20,7 +20,7 @@ from wavegym.core.shortcuts import outlook
 from wavegym.core.system import State, System
 from wavegym.core.traits import UnequalSteps
 from wavegym.schedulers import Myopic, rollout
-from wavegym.schedulers.heuristics.registry import HEURISTICS
+from wavegym.schedulers.heuristics.grids import HEURISTICS
 from wavegym.schedulers.registry import check_not_renamed
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded, tuned_heuristic
 

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple, get_args
 
 import gymnasium as gym
 
+from wavegym.core.build import load_object
 from wavegym.core.errors import InputError, nearest
-from wavegym.core.loading import load_object
 from wavegym.core.parameters import ParameterInfo, parameter_infos
 from wavegym.core.system import System
 from wavegym.core.toml import read_toml, toml_key, toml_value

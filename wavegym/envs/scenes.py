@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavegym.core.loading import load_object
+from wavegym.core.build import load_object
 from wavegym.core.system import System
 from wavegym.registration import scene_of
 from wavegym.rendering.panels import Moment, Scene, caption, few_ticks, wipe

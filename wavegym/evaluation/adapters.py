@@ -31,8 +31,7 @@ from wavegym.core.worlds import tuning_tapes
 from wavegym.envs.actions import action_reader
 from wavegym.evaluation import saved
 from wavegym.evaluation.task import Task, make_task
-from wavegym.observations.measured import MeasurementObserver
-from wavegym.observations.observer import Observer
+from wavegym.observations.observer import MeasurementObserver, Observer
 from wavegym.schedulers.registry import is_scheduler, make_policy
 
 TAKEN = "a Policy, a function of the observation, an object with predict, a folder, a name or a Factory"

@@ -19,7 +19,7 @@ import numpy as np
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.system import System
-from wavegym.core.workers import add_worker_options, workers
+from wavegym.core.work import add_worker_options, workers
 from wavegym.core.worlds import tuning_tapes, word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import BASELINE, Comparison, compare

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.action_sets import waveform_labels
+from wavegym.core.action_sets import ParameterBox, waveform_labels
 from wavegym.core.arrays import Array
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.evaluation.comparison import BASELINE, Comparison
 from wavegym.evaluation.picture import percent_off
 from wavegym.evaluation.play import Played, merged

@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavegym.core.action_sets import by_sensor, sensor_count, waveform_labels
+from wavegym.core.action_sets import ParameterBox, by_sensor, sensor_count, waveform_labels
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.policy import Clairvoyant, Policy, Trained
 from wavegym.core.system import System
 from wavegym.core.worlds import word

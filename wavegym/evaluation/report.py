@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.action_sets import waveform_labels
+from wavegym.core.action_sets import ParameterBox, waveform_labels
 from wavegym.core.errors import InputError
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.files import csv_text, write_whole
 from wavegym.evaluation.page import page

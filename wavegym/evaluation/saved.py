@@ -8,8 +8,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from wavegym.core.build import load_object
 from wavegym.core.errors import InputError
-from wavegym.core.loading import load_object
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.policies.runs import pretrained_folder

@@ -31,9 +31,9 @@ import numpy as np
 from pydantic import ConfigDict, NonNegativeFloat, NonNegativeInt, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
+from wavegym.core import VERSION
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice
-from wavegym.core.version import VERSION
 from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import compare

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from wavegym.core import VERSION
 from wavegym.core.action_sets import waveform_labels
-from wavegym.core.version import VERSION
 from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import BASELINE, FLOOR, Comparison

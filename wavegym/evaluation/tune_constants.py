@@ -25,10 +25,21 @@ from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.planner_sweep import LIMITS, Setting, Swept, as_csv, best_within, sweep
 from wavegym.evaluation.task import make_task
-from wavegym.schedulers.heuristics.registry import HEURISTICS, QUICK, SEARCHED, Search, Simple, best_simple
-from wavegym.schedulers.heuristics.tuning import Constants, log_cost
+from wavegym.schedulers.heuristics.grids import HEURISTICS, SEARCHED
 from wavegym.schedulers.registry import PLANNERS, PLANS, planner_builder
-from wavegym.schedulers.tuned_constants import BASE, FILE, PLANNER, SIMPLE, as_toml, record_key
+from wavegym.schedulers.tuned_constants import (
+    BASE,
+    FILE,
+    PLANNER,
+    QUICK,
+    SIMPLE,
+    Search,
+    Simple,
+    as_toml,
+    best_simple,
+    record_key,
+)
+from wavegym.schedulers.tuning import Constants, log_cost
 
 WORLDS, PLANNED = 100, 32
 CPU_SECONDS, SEARCH_WORLDS, SWEEP_WORLDS = 60.0, 64, 16

@@ -32,7 +32,7 @@ from wavegym.learning.scorer import Dueling
 from wavegym.learning.settings import Settings
 from wavegym.observations.observer import Observer
 from wavegym.policies.networks import LearnedPolicy
-from wavegym.schedulers.heuristics.registry import HEURISTICS
+from wavegym.schedulers.heuristics.grids import HEURISTICS
 from wavegym.schedulers.planners import RolloutPlanner
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed

@@ -9,8 +9,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from wavegym.core import VERSION
 from wavegym.core.errors import InputError
-from wavegym.core.version import VERSION
 from wavegym.learning.settings import Settings
 from wavegym.policies.runs import CONTENTS, SPEC, difference, read_record
 

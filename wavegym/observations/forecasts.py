@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from wavegym.core import shortcuts
-from wavegym.core.action_sets import PerSensorLibrary
+from wavegym.core.action_sets import ParameterBox, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import ObservationField, System
 from wavegym.core.traits import TrackSlots
 from wavegym.observations.kernels import forecast

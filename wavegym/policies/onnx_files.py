@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from wavegym.core import VERSION
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
-from wavegym.core.version import VERSION
 from wavegym.observations.forecasts import PRESENT, Forecasts
 from wavegym.policies.networks import Network
 from wavegym.policies.runs import RUN, read_network, read_run

@@ -30,9 +30,8 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import load_env_creator
 
-from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, ParameterBox, PerSensorLibrary
 from wavegym.core.errors import InputError, InputWarning, check_choice, nearest
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import make_checked
 from wavegym.core.policy import Policy
 from wavegym.core.system import System

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavegym.core.action_sets import by_sensor, sensor_count, waveform_labels
-from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.action_sets import ParameterBox, by_sensor, sensor_count, waveform_labels
 from wavegym.core.system import System
 from wavegym.core.traits import UnequalSteps
 from wavegym.rendering.panels import SMALL, Moment, caption, few_ticks, fit_y, legend, steps_along, wipe

@@ -4,9 +4,8 @@ from wavegym.core.policy import Policy
 from wavegym.schedulers.closed_form import MyopicClosedForm
 from wavegym.schedulers.constrained import Continuous, InfeasibleThreshold, MyopicInformation
 from wavegym.schedulers.lookahead import Lookahead
-from wavegym.schedulers.myopic import Myopic
+from wavegym.schedulers.myopic import Myopic, Progressive
 from wavegym.schedulers.optimum import Optimum, Schedule, best_schedule
-from wavegym.schedulers.progressive import Progressive
 from wavegym.schedulers.rollout import Rollout, rollout
 from wavegym.schedulers.simple import Cycle, Fixed, RandomChoice, RoundRobin
 

@@ -31,9 +31,9 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from wavegym.core.action_sets import ParameterBox
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.shortcuts import next_pulse
 from wavegym.core.system import System
 from wavegym.waveforms import SPEED_OF_LIGHT

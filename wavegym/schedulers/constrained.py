@@ -16,9 +16,9 @@ import numpy as np
 from scipy.optimize import minimize
 
 from wavegym.core import trees
+from wavegym.core.action_sets import ParameterBox
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice, check_int
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.shortcuts import most_information
 from wavegym.core.system import System
 from wavegym.schedulers.myopic import Myopic, impossible, require

@@ -31,8 +31,7 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_non_negative, check_positive
-from wavegym.core.recursion import Recursion
-from wavegym.core.shortcuts import deterministic_recursion
+from wavegym.core.shortcuts import Recursion, deterministic_recursion
 from wavegym.core.system import System
 from wavegym.schedulers.myopic import require
 

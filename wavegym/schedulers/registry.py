@@ -19,17 +19,14 @@ from wavegym.core.system import System
 from wavegym.schedulers.closed_form import MyopicClosedForm
 from wavegym.schedulers.constrained import Continuous, MyopicInformation
 from wavegym.schedulers.cycle import best_cycle
-from wavegym.schedulers.heuristics.l_step import Gain
-from wavegym.schedulers.heuristics.registry import HEURISTICS
+from wavegym.schedulers.heuristics.grids import HEURISTICS
+from wavegym.schedulers.heuristics.index_policies import Gain
 from wavegym.schedulers.lookahead import Lookahead
-from wavegym.schedulers.myopic import Myopic, impossible, require
+from wavegym.schedulers.myopic import Myopic, Progressive, impossible, require
 from wavegym.schedulers.optimum import Optimum
-from wavegym.schedulers.planners.beam import BeamSearch
-from wavegym.schedulers.planners.dwell_rollout import DwellRollout
 from wavegym.schedulers.planners.mcts import MonteCarloTree
 from wavegym.schedulers.planners.receding_horizon import PlanOnce, RecedingHorizon
-from wavegym.schedulers.planners.rollout import RolloutPlanner, TreeSearch
-from wavegym.schedulers.progressive import Progressive
+from wavegym.schedulers.planners.rollout import BeamSearch, DwellRollout, RolloutPlanner, TreeSearch
 from wavegym.schedulers.simple import Cycle, Fixed, RandomChoice, RoundRobin, constant_action
 from wavegym.schedulers.tuned_constants import BASE, PLANNER, SIMPLE, planner_name, recorded, tuned_heuristic
 from wavegym.schedulers.tuning import best_constant, best_fixed

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym.core import shortcuts
-from wavegym.core.action_sets import PerSensorLibrary
+from wavegym.core.action_sets import ParameterBox, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, nearest
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 
 FEW = 1024  # candidates: up to here a random choice draws one number for each, so that masks need no rejection

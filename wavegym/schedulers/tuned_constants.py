@@ -7,17 +7,61 @@ from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
 from importlib import resources
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from wavegym.core import trees
+from wavegym.core.errors import InputError, check_int
+from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.core.toml import toml_key, toml_value
+from wavegym.schedulers.cycle import best_dwell
 from wavegym.schedulers.heuristics.base import Heuristic
-from wavegym.schedulers.heuristics.registry import HEURISTICS, best_simple, tune_heuristic
+from wavegym.schedulers.heuristics.cma_search import Budget, searched_constants
+from wavegym.schedulers.heuristics.grids import HEURISTICS, SEARCHES
+from wavegym.schedulers.heuristics.searched_rule import SearchedRule, search_rule
+from wavegym.schedulers.heuristics.weighted_myopic import WeightedMyopic, search_weights
+from wavegym.schedulers.rollout import allowed, check_equal_steps
+from wavegym.schedulers.tuning import Constants, log_cost, tuned
 
 FILE = "tuned_constants.toml"
 SIMPLE, PLANNER = "best-simple", "best-planner"
 BASE = "planner-base"  # the heuristic that planners follow in simulated futures, where it is not the best one
 DEFAULT_PLANNER = "rollout:10"  # for a system without a record
+MOST = 50_000  # beliefs predicted in an episode, so that tuning "gain" takes a reasonable time
+
+
+class Search(NamedTuple):
+    """How CMA-ES searches the constants of a heuristic, each time anew.
+
+    Attributes:
+        evaluations: largest number of policies played; None for any number.
+        seconds: CPU seconds; None for any number. With it the result depends on the machine.
+        seed: of the random numbers, >= 0.
+        worlds: largest number of worlds, the first of those for tuning.
+    """
+
+    evaluations: int | None = 300
+    seconds: float | None = None
+    seed: int = 0
+    worlds: int = 64
+
+    def budget(self) -> Budget:
+        """A new budget. Raises an InputError for a number out of range."""
+        return Budget(self.evaluations, self.seconds)
+
+
+QUICK = Search()
+
+
+class Simple(NamedTuple):
+    """Every heuristic that a system admits, tuned and compared."""
+
+    best: str
+    constants: dict[str, Constants]
+    costs: dict[str, float]  # ``log_cost`` on all worlds
+    searches: dict[str, dict[str, Any]]  # evaluations, CPU seconds and worlds of those that CMA-ES found
 
 
 @cache
@@ -58,8 +102,8 @@ def tuned_heuristic(name: str, system: System, worlds: Any) -> Heuristic:
     if name == SIMPLE and SIMPLE in record:
         name = record[SIMPLE]
     elif name == SIMPLE:
-        tuned = best_simple(system, worlds)
-        return HEURISTICS[tuned.best].make(**tuned.constants[tuned.best])
+        found = best_simple(system, worlds)
+        return HEURISTICS[found.best].make(**found.constants[found.best])
     constants = record[name] if name in record else tune_heuristic(name, system, worlds)
     return HEURISTICS[name].make(**constants)
 
@@ -78,3 +122,105 @@ def as_toml(table: Mapping[str, Mapping[str, Any]]) -> str:
         lines += ["", f"[{toml_key(system)}]"]
         lines += [f"{toml_key(key)} = {toml_value(value)}" for key, value in entries.items()]
     return "\n".join(lines) + "\n"
+
+
+def tune_heuristic(
+    name: str, system: System, worlds: Any, search: Search = QUICK, reference: Policy | None = None
+) -> Constants:
+    """The constants of the heuristic ``name``, found on ``worlds``.
+
+    Args:
+        name: one of ``HEURISTICS``.
+        system: the closed loop.
+        worlds: tapes for tuning, axis 0 = world.
+        search: for a heuristic whose constants CMA-ES finds.
+        reference: the policy under which the scales of a searched rule are found; the one-step scheduler by default.
+
+    Raises:
+        InputError: the heuristic cannot be computed for this system.
+    """
+    return _tuned(name, system, worlds, search, reference)[0]
+
+
+def _tuned(
+    name: str, system: System, worlds: Any, search: Search, reference: Policy | None
+) -> tuple[Constants, dict[str, Any]]:
+    """The constants, and what CMA-ES spent on them, if it did."""
+    heuristic = HEURISTICS[name]
+    check(name, system, worlds)
+    if name == "cycle":
+        return {"actions": best_dwell(system, worlds).tolist()}, {}
+    most = min(check_int("worlds", search.worlds, 1), heuristic.worlds or search.worlds)
+    if name == SearchedRule.name:
+        rule = search_rule(system, worlds, search.budget(), search.seed, reference, trees.first(worlds, most))
+        return rule.constants, _spent(rule.evaluations, rule.cpu_seconds, most)
+    if name == WeightedMyopic.name:
+        budget = search.budget()
+        weights = search_weights(system, trees.first(worlds, most), budget, search.seed)
+        return weights, _spent(budget.evaluations, budget.used, most)
+    starts = (heuristic.start, *heuristic.also)
+    if heuristic.intervals:
+        few, budget = trees.first(worlds, most), search.budget()
+
+        def cost(constants: Constants) -> float:
+            return log_cost(system, heuristic.make(**constants), few)
+
+        found, _ = searched_constants(cost, heuristic.intervals, starts, budget, search.seed)
+        return found, _spent(budget.evaluations, budget.used, most)
+    few = trees.first(worlds, heuristic.worlds)
+    ends = [tuned(heuristic.make, heuristic.grid, start, system, few, heuristic.budget) for start in starts]
+    return min(ends, key=lambda end: end[1])[0], {}
+
+
+def _spent(evaluations: int, seconds: float, worlds: int) -> dict[str, Any]:
+    return {"evaluations": evaluations, "cpu_seconds": round(seconds, 1), "worlds": worlds}
+
+
+def check(name: str, system: System, worlds: Any) -> None:
+    """Raise an InputError where the heuristic ``name`` cannot be computed, or not be tuned in reasonable time."""
+    if name in SEARCHES:
+        check_equal_steps(f"heuristic {name!r}", system)
+        SEARCHES[name](system)
+        return
+    if name == "gain" and len(system.candidates()) * system.horizon > MOST:
+        wanted = f"at most {MOST} beliefs predicted in an episode (nearest: 'gain:L')"
+        raise InputError(
+            f"heuristic 'gain' tries {len(system.candidates())} candidates at each step, expected {wanted}"
+        )
+    policy: Policy = HEURISTICS[name].make(**HEURISTICS[name].start)
+    belief = system.initial(trees.first(worlds, 1)).belief
+    policy.begin(system, 1, np.random.default_rng(0))
+    policy.act(belief, None, allowed(system, belief))
+
+
+def best_simple(
+    system: System, worlds: Any, search: Search = QUICK, known: Mapping[str, Constants] | None = None
+) -> Simple:
+    """Every heuristic that the system admits, tuned on ``worlds`` and compared there.
+
+    The searched rule comes last: the best of the others is the reference of its scales.
+
+    Args:
+        system: the closed loop.
+        worlds: tapes for tuning, axis 0 = world.
+        search: for heuristics whose constants CMA-ES finds.
+        known: constants of heuristics that are not tuned again.
+    """
+    constants: dict[str, Constants] = {}
+    costs: dict[str, float] = {}
+    searches: dict[str, dict[str, Any]] = {}
+    for name, heuristic in HEURISTICS.items():
+        best = min(costs, key=lambda name: costs[name], default=None)
+        reference = None if best is None else HEURISTICS[best].make(**constants[best])
+        spent: dict[str, Any] = {}
+        try:
+            if known and name in known:
+                constants[name] = known[name]
+            else:
+                constants[name], spent = _tuned(name, system, worlds, search, reference)
+        except (InputError, NotImplementedError):
+            continue
+        costs[name] = log_cost(system, heuristic.make(**constants[name]), worlds)
+        if spent:
+            searches[name] = spent
+    return Simple(min(costs, key=lambda name: costs[name]), constants, costs, searches)

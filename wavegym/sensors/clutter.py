@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_elements, check_finite, check_key, check_last_axes
-from wavegym.core.arrays import Array
-from wavegym.core.covariance_checks import check_positive_definite
+from wavegym.core.arrays import Array, check_elements, check_finite, check_key, check_last_axes
+from wavegym.core.covariances import check_positive_definite
 from wavegym.core.errors import InputError, check_non_negative, check_positive, check_within
 from wavegym.sensors import clutter_kernels as kernels
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_matrix
+from wavegym.core.array_kernels import copy_matrix
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import batched, inlined, kernel
 

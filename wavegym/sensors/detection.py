@@ -35,8 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from wavegym.core.array_checks import check_broadcast, check_elements
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, check_broadcast, check_elements
 from wavegym.core.errors import (
     InputError,
     check_choice,

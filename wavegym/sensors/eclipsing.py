@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_broadcast, check_elements
-from wavegym.core.arrays import FloatArray, for_kernel
+from wavegym.core.arrays import FloatArray, check_broadcast, check_elements, for_kernel
 from wavegym.core.errors import InputError, check_choice, check_non_negative, check_positive
 from wavegym.sensors import eclipsing_kernels as kernels
 from wavegym.waveforms import FisherFactors, PulseTiming, PulseTrain, Waveform, transmitted_interval

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtri
 
-from wavegym.core.array_checks import check_broadcast, check_each, check_elements, check_finite, check_last_axes
-from wavegym.core.arrays import FloatArray
-from wavegym.core.covariance_checks import check_positive_definite
+from wavegym.core.arrays import FloatArray, check_broadcast, check_each, check_elements, check_finite, check_last_axes
+from wavegym.core.covariances import check_positive_definite
 from wavegym.core.errors import InputError, check_int, check_non_negative, check_positive
 from wavegym.sensors import folding_kernels as kernels
 

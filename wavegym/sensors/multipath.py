@@ -14,8 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_finite, check_last_axes, check_shape
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, check_finite, check_last_axes, check_shape
 from wavegym.core.errors import InputError, check_non_negative, check_positive
 from wavegym.sensors import multipath_kernels as kernels
 from wavegym.sensors.multipath_kernels import SightTable

@@ -16,9 +16,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_elements, check_finite, check_last_axes, checked_copy, flatten_lead
-from wavegym.core.arrays import Array, FloatArray
-from wavegym.core.covariance_checks import check_covariance
+from wavegym.core.arrays import (
+    Array,
+    FloatArray,
+    check_elements,
+    check_finite,
+    check_last_axes,
+    checked_copy,
+    flatten_lead,
+)
+from wavegym.core.covariances import check_covariance
 from wavegym.core.errors import InputError, check_within
 from wavegym.sensors import geometry_kernels as kernels
 from wavegym.sensors.multipath import Antenna

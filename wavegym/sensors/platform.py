@@ -10,8 +10,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_broadcast, check_elements, check_finite
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, check_broadcast, check_elements, check_finite
 from wavegym.core.errors import InputError, check_choice, check_int, check_non_negative, check_positive
 from wavegym.sensors import platform_kernels as kernels
 

@@ -25,8 +25,7 @@ import scipy.linalg
 import scipy.optimize
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_elements, check_finite, check_shape
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, check_elements, check_finite, check_shape
 from wavegym.core.errors import InputError, check_int, check_non_negative, check_positive, check_within
 from wavegym.sensors import receiver_kernels as kernels
 from wavegym.waveforms import PulseTrain

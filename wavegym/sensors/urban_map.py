@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict, FiniteFloat, field_validator, model_validator
 from pydantic.dataclasses import dataclass
 
-from wavegym.core.array_checks import check_finite
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, check_finite
 from wavegym.core.errors import InputError, check_choice, check_positive, check_within
 from wavegym.core.parameters import in_one_line, make_checked
 

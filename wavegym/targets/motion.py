@@ -16,9 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_finite
-from wavegym.core.arrays import FloatArray, for_kernel
-from wavegym.core.covariance_checks import check_covariance
+from wavegym.core.arrays import FloatArray, check_finite, for_kernel
+from wavegym.core.covariances import check_covariance
 from wavegym.core.errors import InputError, check_choice, check_int, check_non_negative, check_positive
 from wavegym.targets.kernels import scan, scan_batch
 

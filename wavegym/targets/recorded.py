@@ -13,8 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh, solveh_banded
 
-from wavegym.core.array_checks import check_finite, check_shape
-from wavegym.core.arrays import FloatArray
+from wavegym.core.arrays import FloatArray, check_finite, check_shape
 from wavegym.core.errors import InputError, check_non_negative, check_positive
 
 FEWEST = 5  # reports of a stretch that is smoothed

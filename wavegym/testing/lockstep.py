@@ -1,4 +1,4 @@
-"""A native vector environment in lockstep with Gymnasium's SyncVectorEnv over single environments."""
+"""A native vector environment in lockstep with Gymnasium's SyncVectorEnv over single environments, bit by bit."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from reprlib import repr as short
 from typing import Any, NoReturn
 
 import gymnasium as gym
@@ -17,10 +18,79 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.vector.utils import iterate
 
 from wavegym.core.arrays import Array
-from wavegym.testing.bitwise import difference
 
 HELD = 3  # return values kept, to find later steps that write into them
 STEP_NAMES = ("observations", "rewards", "terminated", "truncated", "info")
+
+
+def difference(got: Any, want: Any) -> str | None:
+    """The first difference of ``got`` from ``want``, as ``"['key'][3] is 1.0, expected 2.0"``; None where equal.
+
+    Types, dtypes and shapes count, and so does the sign of a zero; a NaN equals a NaN.
+    """
+    if isinstance(want, dict):
+        return _mappings(got, want)
+    if isinstance(want, (tuple, list)):
+        return _sequences(got, want)
+    if isinstance(want, (np.ndarray, np.generic, int, float)):
+        return _arrays(got, want)
+    return None if type(got) is type(want) and got == want else f" is {short(got)}, expected {short(want)}"
+
+
+def _mappings(got: Any, want: dict[Any, Any]) -> str | None:
+    if not isinstance(got, dict):
+        return f" is {short(got)}, expected a dictionary"
+    for key in want:
+        if key not in got:
+            return f" lacks the key {key!r}"
+    for key in got:
+        if key not in want:
+            return f" has the key {key!r}, which is not expected"
+        inner = difference(got[key], want[key])
+        if inner:
+            return f"[{key!r}]{inner}"
+    return None
+
+
+def _sequences(got: Any, want: tuple[Any, ...] | list[Any]) -> str | None:
+    if type(got) is not type(want) or len(got) != len(want):
+        return f" is {short(got)}, expected a {type(want).__name__} of {len(want)}"
+    for i, (one, other) in enumerate(zip(got, want, strict=True)):
+        inner = difference(one, other)
+        if inner:
+            return f"[{i}]{inner}"
+    return None
+
+
+def _arrays(got: Any, want: Any) -> str | None:
+    if isinstance(got, np.ndarray) is not isinstance(want, np.ndarray):
+        return f" is {short(got)}, expected {short(want)}"
+    one, other = np.asarray(got), np.asarray(want)
+    if one.dtype != other.dtype or one.shape != other.shape:
+        return f" is {one.dtype} with shape {one.shape}, expected {other.dtype} with shape {other.shape}"
+    if other.dtype == object:
+        for index in np.ndindex(other.shape):
+            inner = difference(one[index], other[index])
+            if inner:
+                return f"{list(index)}{inner}"
+        return None
+    if one.tobytes() == other.tobytes():
+        return None
+    wrong = ~_same(one, other)
+    if not wrong.any():
+        return None
+    first = tuple(int(i) for i in np.argwhere(wrong)[0])
+    return f"{list(first) if first else ''} is {one[first]!r}, expected {other[first]!r}"
+
+
+def _same(one: Array, other: Array) -> Array:
+    """Whether elements are equal, bool array."""
+    if one.dtype.kind not in "fc":
+        return one == other
+    equal = one == other
+    if one.dtype.kind == "f":
+        equal &= np.signbit(one) == np.signbit(other)
+    return equal | (np.isnan(one) & np.isnan(other))
 
 
 class ConformanceError(AssertionError):

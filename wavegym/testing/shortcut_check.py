@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core import shortcuts, trees
+from wavegym.core.action_sets import ParameterBox
 from wavegym.core.arrays import Array
-from wavegym.core.costs import trace_cost
-from wavegym.core.decision_makers import makers_by_form
-from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.covariances import trace_cost
 from wavegym.core.parameters import parameter_infos
+from wavegym.core.policy import makers_by_form
 from wavegym.core.shortcuts import KINDS
 from wavegym.core.system import System
 from wavegym.core.traits import TRAITS, DecisionMakers, DwellRule, lacks_trait

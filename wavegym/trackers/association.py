@@ -19,8 +19,7 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_each, check_finite, flatten_lead
-from wavegym.core.arrays import FloatArray
+from wavegym.core.arrays import FloatArray, check_each, check_finite, flatten_lead
 from wavegym.core.errors import InputError
 from wavegym.trackers import association_kernels
 from wavegym.trackers.association_kernels import CLUSTER_LIMIT, associate, largest_cluster

@@ -33,9 +33,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_finite
-from wavegym.core.arrays import FloatArray
-from wavegym.core.covariance_checks import check_positive_definite
+from wavegym.core.arrays import FloatArray, check_finite
+from wavegym.core.covariances import check_positive_definite
 from wavegym.core.errors import InputError, check_int, check_non_negative
 from wavegym.trackers import gaussian_mixture_kernels as kernels
 from wavegym.trackers.association import (

@@ -18,9 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_each, check_finite, check_last_axes, checked_copy, flatten_lead
-from wavegym.core.arrays import Array, FloatArray
-from wavegym.core.covariance_checks import check_covariance, check_positive_definite
+from wavegym.core.arrays import Array, FloatArray, check_each, check_finite, check_last_axes, checked_copy, flatten_lead
+from wavegym.core.covariances import check_covariance, check_positive_definite
 from wavegym.core.errors import InputError, check_within
 from wavegym.targets.motion import MotionModel
 from wavegym.trackers import imm_kernels as kernels

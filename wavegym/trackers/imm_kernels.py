@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_matrices, copy_matrix
+from wavegym.core.array_kernels import copy_matrices, copy_matrix
 from wavegym.core.kernels import batched, inlined, kernel
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, update_one

@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wavegym import sensors
-from wavegym.core.array_checks import check_broadcast, check_elements, check_finite
-from wavegym.core.arrays import FloatArray
-from wavegym.core.covariance_checks import check_covariance, check_positive_definite
+from wavegym.core.arrays import FloatArray, check_broadcast, check_elements, check_finite
+from wavegym.core.covariances import check_covariance, check_positive_definite
 from wavegym.core.errors import InputError, check_non_negative, check_positive, check_within
 from wavegym.trackers import jpda_kernels
 from wavegym.trackers.association import check_association_terms

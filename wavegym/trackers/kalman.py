@@ -16,9 +16,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_finite
-from wavegym.core.arrays import FloatArray
-from wavegym.core.covariance_checks import check_covariance, check_positive_definite
+from wavegym.core.arrays import FloatArray, check_finite
+from wavegym.core.covariances import check_covariance, check_positive_definite
 from wavegym.core.errors import InputError
 from wavegym.trackers import kernels
 from wavegym.trackers.kernels import rank_one_update

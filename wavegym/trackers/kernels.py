@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_matrix
+from wavegym.core.array_kernels import copy_matrix
 from wavegym.core.kernels import batched, inlined, kernel
 
 

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_vector
+from wavegym.core.array_kernels import copy_vector
 from wavegym.core.kernels import batched, inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
 from wavegym.trackers.sigma_point_kernels import moments_one, sigma_points_one

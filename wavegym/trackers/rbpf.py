@@ -21,10 +21,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_key
-from wavegym.core.arrays import FloatArray
+from wavegym.core.arrays import FloatArray, check_key
 from wavegym.core.counter_rng_kernels import stream
-from wavegym.core.covariance_checks import check_positive_definite
+from wavegym.core.covariances import check_positive_definite
 from wavegym.core.errors import InputError
 from wavegym.trackers import rbpf_kernels as kernels
 from wavegym.trackers.association import check_array, check_association_terms, check_scans, raise_without_evidence

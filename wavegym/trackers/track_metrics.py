@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
-from wavegym.core.array_checks import check_finite, check_last_axes, flatten_lead
-from wavegym.core.arrays import FloatArray
+from wavegym.core.arrays import FloatArray, check_finite, check_last_axes, flatten_lead
 from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.trackers import gospa_kernels as kernels
 

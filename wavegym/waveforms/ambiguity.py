@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavegym.core.array_checks import check_finite
-from wavegym.core.arrays import FloatArray
+from wavegym.core.arrays import FloatArray, check_finite
 from wavegym.core.errors import InputError
 from wavegym.waveforms.waveform import Waveform
 

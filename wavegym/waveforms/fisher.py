@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_elements, check_finite
-from wavegym.core.arrays import FloatArray
+from wavegym.core.arrays import FloatArray, check_elements, check_finite
 from wavegym.core.errors import check_positive
 
 SPEED_OF_LIGHT = 299792458.0

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavegym.core.action_sets import quantity
 from wavegym.core.arrays import FloatArray
 from wavegym.core.errors import InputError, check_positive
-from wavegym.core.units import quantity
 from wavegym.waveforms.fisher import FisherFactors
 from wavegym.waveforms.numeric import sample
 from wavegym.waveforms.waveform import Waveform

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.array_checks import check_elements
-from wavegym.core.arrays import FloatArray
+from wavegym.core.action_sets import quantity
+from wavegym.core.arrays import FloatArray, check_elements
 from wavegym.core.errors import InputError, check_int, check_non_negative, check_positive
-from wavegym.core.units import quantity
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 from wavegym.waveforms.pulse_train import PulseTrain
 from wavegym.waveforms.waveform import Waveform

@@ -9,11 +9,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.action_sets import Library
-from wavegym.core.array_checks import check_broadcast, check_elements, check_finite
-from wavegym.core.arrays import FloatArray
+from wavegym.core.action_sets import Library, quantity
+from wavegym.core.arrays import FloatArray, check_broadcast, check_elements, check_finite
 from wavegym.core.errors import InputError, check_choice, check_positive
-from wavegym.core.units import quantity
 from wavegym.waveforms.chirp_laws import CHIRP_LAWS, parse_law, resolve_shape
 from wavegym.waveforms.fisher import FisherFactors
 from wavegym.waveforms.gaussian import DIRECTIONS

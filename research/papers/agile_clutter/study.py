@@ -22,8 +22,7 @@ from wavegym.core.errors import check_choice, check_int
 from wavegym.core.policy import Policy
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation.comparison import CHUNK
-from wavegym.schedulers.myopic import Myopic
-from wavegym.schedulers.progressive import Progressive
+from wavegym.schedulers.myopic import Myopic, Progressive
 from wavegym.schedulers.rollout import rollout
 from wavegym.schedulers.simple import Fixed
 from wavegym.systems.agile_clutter.system import AgileClutter

@@ -23,8 +23,7 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.simple import Cycle
 from wavegym.sensors import platform_measurement
 from wavegym.sensors.platform import Penalty
-from wavegym.systems.rf_eo.far import RfEoFar
-from wavegym.systems.rf_eo.system import RfEo
+from wavegym.systems.rf_eo.system import RfEo, RfEoFar
 
 TRACKERS = ()  # the user has no choice of tracker
 PUBLISHED, FAR = "published", "far"

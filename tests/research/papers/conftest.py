@@ -13,7 +13,7 @@ from research.papers.rf_eo import study as rf_eo
 from research.papers.urban import numbers as urban_numbers
 from research.papers.urban import study as urban
 from wavegym.evaluation import statistics
-from wavegym.testing.bitwise import difference
+from wavegym.testing.lockstep import difference
 
 CLOCKED = "seconds"  # the field of runs that a clock fills
 

@@ -9,8 +9,13 @@ from delay_systems import DelaySystem, delay_worlds
 from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.schedulers import rollout
-from wavegym.schedulers.heuristics.clear_slots import ClearSlotPrice, clear_slots_left, gain_until_clear, hidden_steps
-from wavegym.schedulers.heuristics.price_policies import LagrangianPrice
+from wavegym.schedulers.heuristics.price_policies import (
+    ClearSlotPrice,
+    LagrangianPrice,
+    clear_slots_left,
+    gain_until_clear,
+    hidden_steps,
+)
 from wavegym.systems.energy_budget.known import EnergyBudgetKnown
 from wavegym.systems.energy_budget.system import EnergyBudget
 

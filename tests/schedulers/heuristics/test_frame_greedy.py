@@ -8,7 +8,7 @@ from scipy.optimize import linprog
 
 from wavegym.core import shortcuts
 from wavegym.core.worlds import draw_worlds, world_seeds
-from wavegym.schedulers.heuristics.frame_greedy import FrameGreedy
+from wavegym.schedulers.heuristics.timeline_rules import FrameGreedy
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
 SYSTEM = MultifunctionRadar(known=1.0, slots=30)

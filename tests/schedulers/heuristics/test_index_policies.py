@@ -13,15 +13,14 @@ from wavegym.core.errors import InputError
 from wavegym.core.horizon_weights import horizon_weights
 from wavegym.core.policy import Policy
 from wavegym.schedulers import Myopic, RandomChoice, rollout
+from wavegym.schedulers.cycle import best_dwell, setups
 from wavegym.schedulers.heuristics.base import PolicyAsHeuristic, greatest
-from wavegym.schedulers.heuristics.dwell import best_dwell, setups
-from wavegym.schedulers.heuristics.hold_until_detected import HoldUntilDetected
-from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay, Greedy
-from wavegym.schedulers.heuristics.l_step import Gain
+from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
+from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay, Gain, Greedy, HoldUntilDetected
 from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice, ConstantPace, LagrangianPrice
-from wavegym.schedulers.heuristics.registry import HEURISTICS, TIMELINE, Search, best_simple, tune_heuristic
-from wavegym.schedulers.heuristics.tuning import log_cost, tuned
 from wavegym.schedulers.simple import Cycle
+from wavegym.schedulers.tuned_constants import Search, best_simple, tune_heuristic
+from wavegym.schedulers.tuning import log_cost, tuned
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
 SYSTEM = DelaySystem()

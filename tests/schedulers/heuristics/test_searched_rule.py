@@ -16,11 +16,11 @@ from wavegym.core.system import ObservationField, State, System
 from wavegym.observations.forecasts import Forecasts
 from wavegym.schedulers import Myopic, RandomChoice, rollout
 from wavegym.schedulers.heuristics.cma_search import Budget
-from wavegym.schedulers.heuristics.hold_until_detected import HoldUntilDetected
+from wavegym.schedulers.heuristics.index_policies import HoldUntilDetected
 from wavegym.schedulers.heuristics.price_policies import LagrangianPrice
 from wavegym.schedulers.heuristics.rule_features import RuleFeatures
 from wavegym.schedulers.heuristics.searched_rule import SearchedRule, feature_scales, search_rule
-from wavegym.schedulers.heuristics.tuning import log_cost
+from wavegym.schedulers.tuning import log_cost
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 from wavegym.systems.rf_eo.system import RfEo

@@ -9,7 +9,7 @@ from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.traits import DwellRule
 from wavegym.core.worlds import draw_worlds, world_seeds
-from wavegym.schedulers.heuristics.registry import HEURISTICS, SEARCHED_DWELL, TIMELINE
+from wavegym.schedulers.heuristics.grids import HEURISTICS, SEARCHED_DWELL, TIMELINE
 from wavegym.schedulers.heuristics.timeline_rules import (
     DelayIndex,
     EarliestDeadline,

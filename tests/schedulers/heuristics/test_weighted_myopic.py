@@ -9,8 +9,8 @@ from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Myopic
 from wavegym.schedulers.heuristics.cma_search import Budget
-from wavegym.schedulers.heuristics.tuning import log_cost
 from wavegym.schedulers.heuristics.weighted_myopic import WeightedMyopic, search_weights
+from wavegym.schedulers.tuning import log_cost
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.camera_slew.system import CameraSlew
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition

@@ -8,9 +8,9 @@ import pytest
 from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds, world_seeds
-from wavegym.schedulers.heuristics.registry import SEARCHED_DWELL
+from wavegym.schedulers.heuristics.grids import SEARCHED_DWELL
 from wavegym.schedulers.heuristics.timeline_rules import GainPerSecond, SearchedDwell
-from wavegym.schedulers.planners.dwell_rollout import DwellRollout
+from wavegym.schedulers.planners.rollout import DwellRollout
 from wavegym.schedulers.registry import make_policy
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar

@@ -11,8 +11,8 @@ from wavegym.evaluation.adapters import as_policies
 from wavegym.evaluation.play import play
 from wavegym.evaluation.saved import saved_agent
 from wavegym.observations.observer import Observer
+from wavegym.schedulers.planners.base import Observing, SampledFutures
 from wavegym.schedulers.planners.rollout import RolloutPlanner
-from wavegym.schedulers.planners.sampled_futures import Observing, SampledFutures
 from wavegym.schedulers.registry import make_policy
 
 ID = "wavegym/KershawEvansPosition-v0"

@@ -5,8 +5,8 @@ import pytest
 from delay_systems import CANDIDATES, SPENDING, DelaySystem, delay_worlds
 
 from wavegym.schedulers.heuristics.price_policies import LagrangianPrice
-from wavegym.schedulers.planners.pairwise_exchange import exchanged
-from wavegym.schedulers.planners.sampled_futures import SampledFutures
+from wavegym.schedulers.planners.base import SampledFutures
+from wavegym.schedulers.planners.receding_horizon import exchanged
 
 WORLDS = 12
 OPTIONS = np.tile(np.arange(len(CANDIDATES)), (WORLDS, 1))

@@ -17,10 +17,10 @@ from wavegym.schedulers.planners import (
     RolloutPlanner,
     TreeSearch,
     mcts,
-    sampled_futures,
 )
+from wavegym.schedulers.planners import base as planner_base
+from wavegym.schedulers.planners.base import SampledFutures, significant
 from wavegym.schedulers.planners.receding_horizon import neighbours
-from wavegym.schedulers.planners.sampled_futures import SampledFutures, significant
 from wavegym.schedulers.rollout import rollout
 from wavegym.schedulers.simple import Fixed, RandomChoice
 
@@ -151,7 +151,7 @@ def test_chunks_of_environments_meet_their_own_futures(monkeypatch):
     draws, plans = futures.draw(7), rng.integers(-1, len(CANDIDATES), (7, 3, 2))
     whole = futures.costs(belief, plans, None, draws)
     assert whole.shape == (7, 3, 4)
-    monkeypatch.setattr(sampled_futures, "ROWS", 3 * 4 * 2)  # two environments at a time, and one
+    monkeypatch.setattr(planner_base, "ROWS", 3 * 4 * 2)  # two environments at a time, and one
     np.testing.assert_array_equal(futures.costs(belief, plans, None, draws), whole)
 
 

@@ -16,7 +16,7 @@ from wavegym.core.errors import InputError
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.beam_allocation.system import BeamAllocation
 from wavegym.systems.energy_budget.system import EnergyBudget
-from wavegym.testing.model_check import prediction_defect
+from wavegym.testing.check import prediction_defect
 from wavegym.testing.shortcut_check import shortcut_defect
 
 CARRIER = 10.4e9

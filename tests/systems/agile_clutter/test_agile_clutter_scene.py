@@ -12,8 +12,7 @@ from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.scenes import make_scene
 from wavegym.rendering.maps import colour, ellipse
 from wavegym.sensors import inside_gate, range_and_rate
-from wavegym.systems.agile_clutter.map import draw_map, known_targets
-from wavegym.systems.agile_clutter.scene import TargetScene, scan_caption, transmitted
+from wavegym.systems.agile_clutter.scene import TargetScene, draw_map, known_targets, scan_caption, transmitted
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.waveforms import TrapezoidChirp
 

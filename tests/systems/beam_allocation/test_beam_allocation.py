@@ -20,7 +20,7 @@ from wavegym.envs import WaveformVectorEnv
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.beam_allocation.system import BeamAllocation
 from wavegym.testing import check_vector_env
-from wavegym.testing.model_check import prediction_defect
+from wavegym.testing.check import prediction_defect
 
 ID = "wavegym/BeamAllocation-v0"
 

@@ -15,11 +15,10 @@ from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
 from wavegym.schedulers import Myopic
-from wavegym.systems.energy_budget.account import Account
-from wavegym.systems.energy_budget.actions import PulseActions
+from wavegym.systems.energy_budget.actions import Account, PulseActions
 from wavegym.systems.energy_budget.known import FAR, EnergyBudgetKnown
 from wavegym.systems.energy_budget.system import EnergyBudget
-from wavegym.testing.model_check import prediction_defect
+from wavegym.testing.check import prediction_defect
 
 IDS = ("wavegym/EnergyBudget-v0", "wavegym/EnergyBudgetKnown-v0")
 

@@ -12,8 +12,8 @@ from scipy.stats import norm
 
 from wavegym.core import shortcuts
 from wavegym.schedulers.registry import make_policy
-from wavegym.systems.kershaw_evans.eclipsing import HALF_LENGTH, visible_information
-from wavegym.systems.kershaw_evans.eclipsing_kernels import LEAST_VISIBLE
+from wavegym.systems.kershaw_evans.actions import HALF_LENGTH, visible_information
+from wavegym.systems.kershaw_evans.kernels import LEAST_VISIBLE
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 from wavegym.waveforms import GaussianChirp
 

@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from wavegym.systems.multifunction_radar import beam_kernels as beams
-from wavegym.systems.multifunction_radar import target_kernels as targets
+from wavegym.systems.multifunction_radar import step_kernels as targets
 
 WIDTH = np.radians(1.0)
 BEAM = beams.Beam(WIDTH, 40e3, 10e-3, 90.0, WIDTH / 1.6, 150.0, 5e3, 40e3, 25.0)

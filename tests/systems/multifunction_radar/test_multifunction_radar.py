@@ -15,9 +15,9 @@ from wavegym.core.parameters import make_checked
 from wavegym.core.traits import CONFIRMED, DwellRule
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import RandomChoice, rollout
-from wavegym.schedulers.heuristics.registry import SEARCHED_DWELL
+from wavegym.schedulers.heuristics.grids import SEARCHED_DWELL
 from wavegym.schedulers.heuristics.timeline_rules import GainPerSecond
-from wavegym.systems.multifunction_radar.figures import _errors, _follow, _gospa, estimates
+from wavegym.systems.multifunction_radar.state import _errors, _follow, _gospa, estimates
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, WAIT
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 from wavegym.testing import check_vector_env

@@ -10,8 +10,7 @@ from scipy.stats import chi2, norm
 
 from wavegym.core import shortcuts, trees
 from wavegym.sensors import platform_measurement
-from wavegym.systems.rf_eo.far import RfEoFar
-from wavegym.systems.rf_eo.system import RfEo
+from wavegym.systems.rf_eo.system import RfEo, RfEoFar
 
 FORMS, MODES = ("library", "joint", "box"), ("missing", "inflated")
 PLATFORMS, STARTS = ((-1e3, -1e3), (1e3, -1e3), (0.0, 4e3)), ((-1e3, 5, 1e3, 0), (1e3, 0, 1e3, -7), (300, 20, -2e3, 9))

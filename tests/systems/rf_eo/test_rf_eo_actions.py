@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavegym.core import shortcuts
-from wavegym.core.action_sets import JointLibrary, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, ParameterBox, PerSensorLibrary
 from wavegym.core.errors import InputError
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.sensors import platform_view
 from wavegym.systems.rf_eo.actions import GRID_POINTS, MOST_ACTIONS, MOST_CANDIDATES, PlatformActions
 from wavegym.systems.rf_eo.system import RfEo

@@ -13,10 +13,9 @@ from wavegym.core import shortcuts, trees
 from wavegym.envs.single import WaveformEnv
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.rendering.panels import Moment
-from wavegym.systems.rf_eo.far import RfEoFar
 from wavegym.systems.rf_eo.scene import received_caption
 from wavegym.systems.rf_eo.state import SOON
-from wavegym.systems.rf_eo.system import RfEo
+from wavegym.systems.rf_eo.system import RfEo, RfEoFar
 from wavegym.testing import check_vector_env
 
 BIRTHS, STAY, STEPS = (0, 5, 13), 8, 24

@@ -13,8 +13,7 @@ from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.sensors import folding_kernels as folding
 from wavegym.sensors import platform_measurement
-from wavegym.systems.rf_eo.far import RfEoFar
-from wavegym.systems.rf_eo.system import RfEo
+from wavegym.systems.rf_eo.system import RfEo, RfEoFar
 from wavegym.waveforms import PulseTiming
 
 FOUR = ((-5e3, 0.0, 20e3, 230.0), (0.0, 0.0, 30e3, -210.0), (12e3, -150.0, 45e3, 60.0), (-20e3, 180.0, 55e3, -120.0))

@@ -17,8 +17,7 @@ import evaluate
 from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformVectorEnv
-from wavegym.systems.rf_eo.far import RfEoFar
-from wavegym.systems.rf_eo.system import RfEo
+from wavegym.systems.rf_eo.system import RfEo, RfEoFar
 from wavegym.testing import check_vector_env
 
 IDS = ("wavegym/RfEo-v0", "wavegym/RfEoFar-v0")

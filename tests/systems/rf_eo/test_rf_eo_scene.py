@@ -12,10 +12,8 @@ from matplotlib.patches import Polygon
 from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.scenes import make_scene
 from wavegym.rendering.maps import colour
-from wavegym.systems.rf_eo.far import RfEoFar
-from wavegym.systems.rf_eo.map import draw_platform_map
-from wavegym.systems.rf_eo.scene import DECADE, MOST, PlatformScene, place_of, received_caption
-from wavegym.systems.rf_eo.system import RfEo
+from wavegym.systems.rf_eo.scene import DECADE, MOST, PlatformScene, draw_platform_map, place_of, received_caption
+from wavegym.systems.rf_eo.system import RfEo, RfEoFar
 
 C = 299792458.0
 FORMS = ("box", "library", "joint")

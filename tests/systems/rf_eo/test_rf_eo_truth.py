@@ -12,8 +12,7 @@ import pytest
 from wavegym.core import trees
 from wavegym.core.errors import InputError
 from wavegym.envs.vector import WaveformVectorEnv
-from wavegym.systems.rf_eo.far import RfEoFar
-from wavegym.systems.rf_eo.system import RfEo
+from wavegym.systems.rf_eo.system import RfEo, RfEoFar
 from wavegym.testing.shortcut_check import shortcut_defect
 
 OTHER: dict[str, Any] = {"q": 4.0, "turn_rate": 0.05, "fft_length": 32, "pixels": 500, "nearest_range": 20.0}

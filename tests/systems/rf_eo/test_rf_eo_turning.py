@@ -13,8 +13,7 @@ import pytest
 from wavegym.core import shortcuts, trees
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.sensors import platform_measurement
-from wavegym.systems.rf_eo.far import RfEoFar
-from wavegym.systems.rf_eo.system import RfEo
+from wavegym.systems.rf_eo.system import RfEo, RfEoFar
 from wavegym.testing import check_vector_env
 
 FORMS = ("box", "library", "joint")

@@ -11,8 +11,7 @@ from matplotlib.patches import PathPatch, Polygon, Rectangle
 from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.scenes import make_scene
 from wavegym.rendering.maps import colour
-from wavegym.systems.urban.map import SURE, UNSURE
-from wavegym.systems.urban.scene import FAINT, SHADES, UrbanScene, folded, scan_caption
+from wavegym.systems.urban.scene import FAINT, SHADES, SURE, UNSURE, UrbanScene, folded, scan_caption
 from wavegym.systems.urban.system import Urban
 from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, TENTATIVE, Tracks
 

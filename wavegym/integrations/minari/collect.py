@@ -15,10 +15,10 @@ import numpy as np
 from minari import MinariDataset
 from minari.data_collector import EpisodeBuffer
 
+from wavegym.core import VERSION
+from wavegym.core.action_sets import ParameterBox
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int, nearest
-from wavegym.core.parameter_box import ParameterBox
-from wavegym.core.version import VERSION
 from wavegym.core.worlds import word
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation.adapters import as_policy

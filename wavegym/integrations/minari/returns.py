@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core import trees
-from wavegym.core.action_sets import FiniteSet
+from wavegym.core.action_sets import FiniteSet, ParameterBox
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.policy import Policy
 from wavegym.core.system import State, System
 from wavegym.core.worlds import word

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from wavegym.core.action_sets import JointLibrary, waveform_labels
+from wavegym.core.action_sets import JointLibrary, ParameterBox, waveform_labels
 from wavegym.core.arrays import Array
-from wavegym.core.decision_makers import decision_makers
 from wavegym.core.errors import InputError, check_choice
-from wavegym.core.parameter_box import ParameterBox
+from wavegym.core.policy import decision_makers
 from wavegym.core.system import ObservationField, System
 from wavegym.observations.scaling import LIMIT
 
@@ -23,7 +22,7 @@ class AgentViews:
     """Splits observations among the decision makers of a system, and joins their actions.
 
     Args:
-        system: a system with several decision makers; see ``wavegym.core.decision_makers``.
+        system: a system with several decision makers; see ``wavegym.core.policy``.
         sees: "own" (an agent observes the fields of its own sensor, and the fields that belong to no sensor) or "all".
 
     Attributes:

@@ -24,7 +24,7 @@ from wavegym.sensors import energy_detection_probability
 from wavegym.systems.agile_clutter import AgileClutter
 from wavegym.systems.composed import LineOfSightRadar, Loop, PlanarRadar, Pulses
 from wavegym.systems.kershaw_evans import KershawEvans
-from wavegym.systems.kershaw_evans.eclipsing import visible_information
+from wavegym.systems.kershaw_evans.actions import visible_information
 from wavegym.waveforms import SPEED_OF_LIGHT
 
 

@@ -7,15 +7,14 @@ from typing import Any
 import numpy as np
 
 from wavegym.core import shortcuts
-from wavegym.core.action_sets import PerSensorLibrary
+from wavegym.core.action_sets import ParameterBox, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.horizon_weights import horizon_weights
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.system import System
 from wavegym.observations.forecasts import FLOOR, LOOKS, MOST
-from wavegym.schedulers.heuristics.clear_slots import clear_slots_left, gain_until_clear, hidden_steps
-from wavegym.schedulers.heuristics.l_step import weighted
+from wavegym.schedulers.heuristics.index_policies import weighted
+from wavegym.schedulers.heuristics.price_policies import clear_slots_left, gain_until_clear, hidden_steps
 
 SPANS = (4, 8, 16, 40)  # steps over which gains in units of the cost are summed
 HOLDS = (2, 6)  # steps over which a gain is summed where its target stays in sight; the hidden steps follow

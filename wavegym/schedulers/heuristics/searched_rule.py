@@ -15,9 +15,9 @@ from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic, greatest
 from wavegym.schedulers.heuristics.cma_search import Budget, minimised
 from wavegym.schedulers.heuristics.rule_features import PRICE, RATIO, RuleFeatures
-from wavegym.schedulers.heuristics.tuning import Constants, log_cost
 from wavegym.schedulers.myopic import Myopic
 from wavegym.schedulers.rollout import allowed
+from wavegym.schedulers.tuning import Constants, log_cost
 
 SIGMA, POLISH = 0.5, 0.2  # of the first distribution, of weights of norm 1; of the search over all features
 DIGITS = 6  # of recorded weights

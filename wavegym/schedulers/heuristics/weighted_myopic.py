@@ -13,8 +13,8 @@ from wavegym.core.shortcuts import delay, linear_cost
 from wavegym.core.system import System
 from wavegym.schedulers.heuristics.base import Heuristic
 from wavegym.schedulers.heuristics.cma_search import Budget, minimised
-from wavegym.schedulers.heuristics.tuning import Constants, log_cost
 from wavegym.schedulers.myopic import Myopic, impossible, require
+from wavegym.schedulers.tuning import Constants, log_cost
 
 SIGMA = 1.0  # of the first distribution, in natural logarithms of weights
 LEAST = 0.01  # of the largest weight: the start of a weight that is 0 in the cost

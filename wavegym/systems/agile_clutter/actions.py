@@ -9,10 +9,9 @@ from itertools import product
 
 import numpy as np
 
-from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, Library, Parameter, ParameterBox, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
-from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.sensors.eclipsing import (
     NEVER_CUT,
     NO_TABLES,

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_vector
+from wavegym.core.array_kernels import copy_vector
 from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.clutter_kernels import add_clutter, in_a_gate, in_gate, most_load, room

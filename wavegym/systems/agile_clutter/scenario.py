@@ -11,11 +11,11 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import NonNegativeInt
 
-from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, Library, ParameterBox, PerSensorLibrary
 from wavegym.core.arrays import Array, for_kernel
+from wavegym.core.covariances import check_precision
 from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.core.horizon_weights import LinearCost
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import Positive, parameter, system_parameters
 from wavegym.core.system import System
 from wavegym.core.traits import TimedPulses
@@ -31,7 +31,6 @@ from wavegym.systems.agile_clutter.state import (
     PositiveState,
     greatest_gate_volume,
 )
-from wavegym.systems.precision import check_precision
 from wavegym.systems.recorded_targets import (
     PlaysRecordings,
     farthest_range_parameter,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_matrices, copy_matrix, copy_vector
+from wavegym.core.array_kernels import copy_matrices, copy_matrix, copy_vector
 from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import detection, inverse_snr
 from wavegym.systems.agile_clutter.kernels import echo, predict_targets

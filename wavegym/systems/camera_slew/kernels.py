@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_matrix, copy_vector
+from wavegym.core.array_kernels import copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
 from wavegym.systems.rf_eo.kernels import move_one, receive_one

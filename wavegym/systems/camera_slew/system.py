@@ -12,7 +12,7 @@ from pydantic import Field
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.costs import trace_cost
+from wavegym.core.covariances import trace_cost
 from wavegym.core.errors import check_ordered
 from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.parameters import Positive, parameter, system_parameters
@@ -47,11 +47,11 @@ from wavegym.systems.rf_eo.scenario import (
     Azimuth,
     Position,
     StateVariance,
+    StateWeights,
     TurnRate,
     ranges_of_moving_targets,
 )
 from wavegym.systems.rf_eo.system import NN, RfEo
-from wavegym.systems.rf_eo.weights import StateWeights
 from wavegym.systems.visibility_windows import Window, coming, given_windows, visibility, window_draws
 from wavegym.targets import MotionModel
 from wavegym.trackers.polar_kernels import to_polar

@@ -15,7 +15,7 @@ import numpy as np
 
 from wavegym.core.action_sets import ActionSet, Library
 from wavegym.core.arrays import Array
-from wavegym.core.costs import trace_cost
+from wavegym.core.covariances import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
 from wavegym.sensors import detection_probability, range_and_rate, range_and_rate_jacobian, range_law_snr
 from wavegym.targets.motion import MotionModel

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_matrices, copy_matrix
+from wavegym.core.array_kernels import copy_matrices, copy_matrix
 from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.systems.agile_clutter.kernels import echo_of, is_lit, is_present, predict_targets, weakness_one

@@ -1,4 +1,4 @@
-"""The pulses of a radar with Gaussian chirps: a library, or the box that the library spans."""
+"""The pulses of a radar with Gaussian chirps, a library or the box that it spans, and what a closed receiver misses."""
 
 from __future__ import annotations
 
@@ -8,16 +8,43 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import erfinv
 
-from wavegym.core.action_sets import Library
+from wavegym.core.action_sets import Library, Parameter, ParameterBox
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.parameter_box import Parameter, ParameterBox
 from wavegym.sensors.eclipsing import EclipsedLibrary, EclipsedPulse
-from wavegym.systems.kershaw_evans import eclipsing_kernels
-from wavegym.systems.kershaw_evans.eclipsing import HALF_LENGTH
+from wavegym.systems.kershaw_evans import kernels
+from wavegym.systems.kershaw_evans.kernels import visible_shares
 from wavegym.waveforms import gaussian_chirp_library, measurement_covariances
 from wavegym.waveforms.fisher import unchecked_covariance
 from wavegym.waveforms.gaussian import unchecked_gaussian_factors
+from wavegym.waveforms.timing import ENERGY
+
+HALF_LENGTH = float(erfinv(ENERGY))
+"""Half of the interval that holds this share of the energy, in durations k."""
+
+
+def visible_information(duration: Array, range_m: Array) -> Array:
+    """Share of a Gaussian chirp's Fisher information that is left in the echo of its own pulse, at least 1e-9.
+
+    ``wavegym.sensors.eclipsing`` has the same for any waveform, from tables of its moments.
+
+    The receiver opens when the transmitted interval ends, T/2 after the middle of the pulse (T = 3.64 k holds 99 % of
+    the energy). Of an echo from range r it receives t >= T/2 - 2 r / c. The derivatives of s(t) by delay and by Doppler
+    are both t s(t) times a constant. Their inner products over the open gate, less the projection on s, are therefore
+    those of the whole pulse times one number: the variance of t over the gate (weighted with the energy in it) over
+    k^2 / 2. With a = sqrt(2) (T/2 - 2 r / c) / k, Q the upper tail of the normal distribution and m = phi(a) / Q(a),
+    it is
+
+        h(a) = Q(a) (1 + a m - m^2).
+
+    The gate is fixed in time, so the cut adds no delay information.
+
+    Args:
+        duration: k, s, any shape.
+        range_m: r, m; broadcasts.
+    """
+    return visible_shares(duration, range_m, HALF_LENGTH)
 
 
 class Pulses(NamedTuple):
@@ -132,5 +159,5 @@ class GaussianActions:
             return self._eclipsed_pulses.measurement_covariance(actions, abs(ranges)[:, None], self.carrier_hz)
         C, duration, which, half_length = self.pulses(actions)
         out = np.empty((len(ranges), actions.shape[1], 2, 2))
-        eclipsing_kernels.received(C, duration, which, np.array(ranges), half_length, out)
+        kernels.received(C, duration, which, np.array(ranges), half_length, out)
         return out

@@ -3,18 +3,22 @@
 Shapes: e environments, c candidates, H steps, n states (r, rdot[, rddot]), m = 2 measurements (r, rdot); C is the
 measurement covariance at unit SNR, of what the receiver sees of the pulse; R = C / eta. M (1, 2, n) is the measurement
 matrix [I 0]. F and Q come as (1, n, n); what predicts takes them as (e, n, n), too, for a tracker whose process noise
-differs from environment to environment.
+differs from environment to environment. ``visible_information`` of ``actions.py`` has the derivation of eclipsing.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from wavegym.core.copy_kernels import copy_matrix
-from wavegym.core.kernels import inlined, kernel
+import numpy as np
+from llvmlite.binding import add_symbol
+from numba import types
+from numba.extending import get_cython_function_address
+
+from wavegym.core.array_kernels import copy_matrix
+from wavegym.core.kernels import batched, inlined, kernel
 from wavegym.sensors.detection_kernels import inverse_snr
-from wavegym.systems.kershaw_evans.eclipsing_kernels import received_one
 from wavegym.trackers.kernels import (
     factor_innovation_one,
     predict_covariance_one,
@@ -22,6 +26,65 @@ from wavegym.trackers.kernels import (
     update_covariance_one,
     update_mean_one,
 )
+from wavegym.waveforms.fisher import SPEED_OF_LIGHT
+
+LEAST_VISIBLE = 1e-9
+"""A pulse that is wholly eclipsed keeps this share of its information: its errors are 3e4 times as large."""
+WHOLE = -9.0
+"""Deviations of the pulse's energy from its middle to the gate's begin, below which h is 1 in double precision."""
+
+
+def _of_one_number(name: str) -> Any:
+    """The function from float64 to float64 with this name in SciPy, for calls from kernels: the same bits.
+
+    SciPy offers its compiled functions by address (``scipy.special.cython_special``). An address changes from process
+    to process, so the machine code that Numba caches refers to a name, which is given the address here.
+    """
+    symbol = f"wavegym_{name}"
+    add_symbol(symbol, get_cython_function_address("scipy.special.cython_special", f"__pyx_fuse_1{name}"))
+    return types.ExternalFunction(symbol, types.float64(types.float64))
+
+
+erfc = _of_one_number("erfc")
+"""1 - erf(x)."""
+erfcx = _of_one_number("erfcx")
+"""exp(x^2) erfc(x)."""
+
+
+@inlined
+def visible_share(duration, range_m, half_length):
+    """h(a), at least LEAST_VISIBLE; half_length: half of the transmitted interval, in durations; -inf: never cut."""
+    a = np.sqrt(2.0) * (half_length - (2.0 / SPEED_OF_LIGHT) * abs(range_m) / duration)
+    if a < WHOLE:
+        return 1.0
+    tail = np.sqrt(0.5) * a
+    m = np.sqrt(2.0 / np.pi) / erfcx(tail)
+    return max(0.5 * erfc(tail) * (1.0 + m * (a - m)), LEAST_VISIBLE)
+
+
+@batched("(),(),()->()")
+def visible_shares(duration, range_m, half_length, share):
+    """``visible_share``, element by element."""
+    for e in range(len(share)):
+        share[e] = visible_share(duration[e], range_m[e], half_length[e])
+
+
+@inlined
+def received_one(C, duration, w, range_m, half_length, e, out):
+    """out[e] (2, 2): C[w] of pulse w as received from ``range_m``."""
+    share = visible_share(duration[w], range_m, half_length)
+    for i in range(2):
+        for j in range(2):
+            out[e, i, j] = C[w, i, j] / share
+
+
+@kernel
+def received(C, duration, which, range_m, half_length, out):
+    """out (e, c, 2, 2): C (w, 2, 2) of pulses ``which`` (e or 1, c) as received from ranges (e,)."""
+    for e in range(out.shape[0]):
+        own, out_own = which[e if which.shape[0] > 1 else 0], out[e]
+        for c in range(out.shape[1]):
+            received_one(C, duration, own[c], range_m[e], half_length, c, out_own)
 
 
 @inlined

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wavegym.core.action_sets import ParameterBox
 from wavegym.core.arrays import Array
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.rendering.maps import CROSS, KILO, SIGMAS, TRUTH, draw_pulse, ellipse, fill
 from wavegym.rendering.panels import Moment, caption, few_ticks, legend, steps_along, wipe
 from wavegym.sensors import range_law_snr

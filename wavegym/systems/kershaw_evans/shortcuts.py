@@ -9,8 +9,7 @@ import numpy as np
 from wavegym.core import shortcuts
 from wavegym.core.arrays import Array
 from wavegym.core.horizon_weights import LinearCost
-from wavegym.core.recursion import Recursion
-from wavegym.core.shortcuts import MeasuredFields
+from wavegym.core.shortcuts import MeasuredFields, Recursion
 from wavegym.core.system import ObservationField, State
 from wavegym.sensors import range_law_snr
 from wavegym.systems.kershaw_evans import kernels

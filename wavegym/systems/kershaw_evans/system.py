@@ -12,20 +12,27 @@ from typing import Any, Literal
 
 import numpy as np
 
-from wavegym.core.action_sets import Library
+from wavegym.core.action_sets import Library, ParameterBox
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.costs import trace_cost
+from wavegym.core.covariances import check_precision, trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive
-from wavegym.core.parameter_box import ParameterBox
 from wavegym.core.parameters import Interval, NonNegative, Positive, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.core.traits import RecordedTargets, TimedPulses
 from wavegym.sensors import range_law_snr
 from wavegym.systems.kershaw_evans import kernels
 from wavegym.systems.kershaw_evans.actions import GaussianActions
-from wavegym.systems.kershaw_evans.paths import PathSource, RandomPath, RecordedRange, ScriptedRange
-from wavegym.systems.kershaw_evans.state import Belief, Measurements, Truth, World, covariance_fields
-from wavegym.systems.precision import check_precision
+from wavegym.systems.kershaw_evans.state import (
+    Belief,
+    Measurements,
+    PathSource,
+    RandomPath,
+    RecordedRange,
+    ScriptedRange,
+    Truth,
+    World,
+    covariance_fields,
+)
 from wavegym.systems.recorded_targets import (
     farthest_range_parameter,
     radar_parameter,

@@ -7,9 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from wavegym.core.action_sets import Library
+from wavegym.core.action_sets import Library, quantity
 from wavegym.core.arrays import Array
-from wavegym.core.units import quantity
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, WAIT
 
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_matrix
+from wavegym.core.array_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
 from wavegym.systems.multifunction_radar.beam_kernels import (

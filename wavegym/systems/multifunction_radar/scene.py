@@ -12,7 +12,7 @@ from wavegym.core.traits import CONFIRMED
 from wavegym.rendering.maps import CROSS, KILO, direction, ellipse, fill, sector, to_scale
 from wavegym.rendering.panels import Moment, caption, few_ticks, legend, wipe
 from wavegym.systems.multifunction_radar.dwell_kernels import axis_of
-from wavegym.systems.multifunction_radar.figures import estimates
+from wavegym.systems.multifunction_radar.state import estimates
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 

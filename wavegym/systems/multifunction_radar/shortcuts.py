@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from wavegym.core import shortcuts, trees
 from wavegym.core.arrays import Array
 from wavegym.core.traits import DwellRule
-from wavegym.systems.multifunction_radar import gain_kernels, rollout_kernels
+from wavegym.systems.multifunction_radar import gain_kernels
 from wavegym.systems.multifunction_radar import step_kernels as kernels
 from wavegym.systems.multifunction_radar.state import Belief
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
@@ -44,14 +44,14 @@ def scores(system: MultifunctionRadar, belief: Belief, rule: DwellRule) -> Array
 def simulate(
     system: MultifunctionRadar, belief: Belief, actions: Array, rule: DwellRule, seconds: float, futures: int
 ) -> Array:
-    """In m^2 s, less what the searches are worth (``rollout_kernels``)."""
+    """In m^2 s, less what the searches are worth (``gain_kernels``)."""
     envs, count = actions.shape
     rows = trees.repeated(belief, count * futures)
     first = np.ascontiguousarray(actions.repeat(futures, axis=1).reshape(-1))
     keys = (belief.step[:, None] * futures + np.arange(futures)).astype(np.uint64)
     keys = keys.repeat(count, axis=0).reshape(-1)
     value = np.zeros(len(first))
-    rollout_kernels.simulate(rows, first, keys, seconds, system.menu, system.thresholds, system.laws, rule, value)
+    gain_kernels.simulate(rows, first, keys, seconds, system.menu, system.thresholds, system.laws, rule, value)
     mean: Array = value.reshape(envs, count, futures).mean(axis=2)
     return mean
 

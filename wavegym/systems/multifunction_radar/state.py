@@ -1,10 +1,18 @@
-"""World, truth and belief of the multifunction radar."""
+"""Traffic, world, truth and belief of the multifunction radar, and figures by truth: GOSPA, errors, false tracks."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from wavegym.core.arrays import Array
+from wavegym.core.traits import CONFIRMED
+from wavegym.systems.multifunction_radar.dwell_kernels import Area, weight_at
+from wavegym.systems.multifunction_radar.step_kernels import Flight, estimate_slots
+from wavegym.systems.multifunction_radar.track_kernels import Modes
 
 
 class World(NamedTuple):
@@ -51,3 +59,175 @@ class Belief(NamedTuple):
     turn: Array  # (env, s) int, the next beam of each sector
     spent: Array  # (env,) m^2 s, the cost of the last dwell
     duration: Array  # (env,) s, of the last dwell
+
+
+class Estimates(NamedTuple):
+    """Tracks at the time of the belief."""
+
+    mean: Array  # (env, k, 4)
+    covariance: Array  # (env, k, 4, 4)
+
+
+def estimates(belief: Belief, modes: Modes) -> Estimates:
+    """Mean and covariance of every slot, of all modes together; 0 where it is free."""
+    count, slots = belief.existence.shape
+    made = Estimates(np.zeros((count, slots, 4)), np.zeros((count, slots, 4, 4)))
+    estimate_slots(belief, modes, *made)
+    return made
+
+
+def take_figures(truth: Truth, belief: Belief, rows: Array, flight: Flight, laws: tuple[Any, ...]) -> None:
+    """Write the figures of the environments ``rows`` into ``truth``.
+
+    Args:
+        truth: changed in place.
+        belief: at the same time.
+        rows: indices (row,).
+        flight: of the true targets.
+        laws: the tracker's modes, beam, area and c0. The GOSPA distance of order 2 has the cutoff sqrt(2 c0), so a
+            target that no track reports, and a track without target, cost c0.
+    """
+    modes, _, area, most = laws
+    part = Belief(*(leaf[rows] for leaf in belief))
+    made = estimates(part, modes)
+    for i, e in enumerate(rows.tolist()):
+        late = belief.time[e] - truth.cell[e] * flight.cell
+        x = truth.state[e].copy()
+        x[:, [0, 2]] += late * x[:, [1, 3]]
+        mean, covariance, existence = made.mean[i], made.covariance[i], part.existence[i]
+        trace = covariance[:, 0, 0] + covariance[:, 2, 2]
+        reported = (existence > 0.0) & (existence * (2.0 * most - trace) > most)
+        truth.gospa[e] = _gospa(x[truth.here[e]], mean[reported], most, area)
+        confirmed = existence >= CONFIRMED
+        _follow(truth, e, confirmed, belief.time[e])
+        _errors(truth, e, confirmed, x, mean, covariance)
+
+
+def _gospa(x: Array, mean: Array, most: float, area: Area) -> float:
+    """GOSPA distance of order 2 of targets (g, 4) and reported tracks (k, 4), each weighted by its range."""
+    counts, false = (weight_at(np.hypot(states[:, 0], states[:, 2]), area) for states in (x, mean))
+    apart = counts[:, None] * np.square(x[:, None, [0, 2]] - mean[None, :, [0, 2]]).sum(axis=2)
+    apart = np.minimum(apart, (counts[:, None] + false) * most)
+    pairs = linear_sum_assignment(apart)
+    alone = np.delete(counts, pairs[0]).sum() + np.delete(false, pairs[1]).sum()
+    return float(np.sqrt(apart[pairs].sum() + most * alone))
+
+
+def _follow(truth: Truth, e: int, confirmed: Array, time: float) -> None:
+    """Which targets have a confirmed track, when they first had one, and which have lost it."""
+    held = np.zeros_like(truth.held[e])
+    held[truth.origin[e][confirmed & (truth.origin[e] >= 0)]] = True
+    held &= truth.here[e]
+    truth.lost[e] += (truth.held[e] & ~held & truth.here[e]).sum()
+    first = held & np.isnan(truth.confirmed[e])
+    truth.confirmed[e][first] = time
+    truth.held[e] = held
+
+
+def _errors(truth: Truth, e: int, confirmed: Array, x: Array, mean: Array, covariance: Array) -> None:
+    """Errors of confirmed tracks against the target whose echo each has used last, and the number of false tracks."""
+    origin = truth.origin[e]
+    present = confirmed & (origin >= 0) & truth.here[e][origin]
+    truth.false[e] = (confirmed & ~present).sum()
+    truth.present[e] = present
+    error = mean[present] - x[origin[present]]
+    spread = covariance[present]
+    for figure, values in (
+        (truth.squared_error, error[:, 0] ** 2 + error[:, 2] ** 2),
+        (truth.variance, spread[:, 0, 0] + spread[:, 2, 2]),
+        (truth.nees, (error * np.linalg.solve(spread, error[..., None])[..., 0]).sum(axis=1)),
+    ):
+        figure[e] = 0.0
+        figure[e, present] = values
+
+
+class Traffic(NamedTuple):
+    """The traffic of an isotropic flow in a sector of a ring: the region, and how many targets fly in it how fast.
+
+    In the plane targets are a Poisson process with uniform places and headings. What a region sees of it is a uniform
+    intensity inside, and over each metre of its edge a rate of density x mean speed / pi, with the heading's angle from
+    the inward normal distributed by its cosine, and speeds in proportion to how often they occur times the speed.
+    """
+
+    nearest: float  # m
+    farthest: float  # m
+    half_sector: float  # rad
+    targets: float  # expected number inside
+    slowest: float  # m/s
+    fastest: float  # m/s
+
+    @property
+    def area(self) -> float:
+        """Of the region, m^2."""
+        return self.half_sector * (self.farthest**2 - self.nearest**2)
+
+    @property
+    def density(self) -> float:
+        """Targets for each square metre."""
+        return self.targets / self.area
+
+    @property
+    def mean_speed(self) -> float:
+        """Of the targets inside, m/s."""
+        return 0.5 * (self.slowest + self.fastest)
+
+    @property
+    def velocity_variance(self) -> float:
+        """Of the velocity on each axis, (m/s)^2."""
+        low, high = self.slowest, self.fastest
+        return (low * low + low * high + high * high) / 6.0
+
+    @property
+    def arc_and_sides(self) -> Array:
+        """Lengths of the outer arc, the inner arc and the two sides, m."""
+        side = self.farthest - self.nearest
+        return np.array([2 * self.half_sector * self.farthest, 2 * self.half_sector * self.nearest, side, side])
+
+    @property
+    def rate(self) -> float:
+        """Targets that come over the edge, 1/s."""
+        return float(self.density * self.mean_speed / math.pi * self.arc_and_sides.sum())
+
+    @property
+    def mean_stay(self) -> float:
+        """Mean time from edge to edge of a target that flies straight on, s."""
+        return math.pi * self.area / float(self.mean_speed * self.arc_and_sides.sum())
+
+    def most_targets(self, seconds: float) -> int:
+        """Number of targets that is exceeded in one of a billion episodes."""
+        expected = self.targets + self.rate * seconds if self.targets else 0.0
+        return math.ceil(expected + 6.5 * math.sqrt(expected)) + 10
+
+    def states(self, draw: Array) -> tuple[Array, Array]:
+        """States [x xdot y ydot] (..., target, 4) at arrival, and the arrivals (..., target) in s.
+
+        Args:
+            draw: uniform draws (..., target, 7); see ``World``.
+        """
+        passed = np.cumsum(-np.log1p(-draw[..., 0]), axis=-1)  # a Poisson process of rate 1
+        inside = passed < self.targets
+        arrival = np.where(inside, -1.0, (passed - self.targets) / self.rate if self.targets else np.inf)
+        place, inward = self._inside(draw), self._on_the_edge(draw)
+        r, azimuth, heading, speed = (np.where(inside, a, b) for a, b in zip(place, inward, strict=True))
+        along = [r * np.sin(azimuth), speed * np.sin(heading), r * np.cos(azimuth), speed * np.cos(heading)]
+        return np.stack(along, axis=-1), arrival
+
+    def _inside(self, draw: Array) -> tuple[Array, ...]:
+        """Range, azimuth, heading and speed of targets that are there at the beginning."""
+        r = np.sqrt(self.nearest**2 + draw[..., 1] * (self.farthest**2 - self.nearest**2))
+        azimuth = self.half_sector * (2.0 * draw[..., 2] - 1.0)
+        speed = self.slowest + draw[..., 4] * (self.fastest - self.slowest)
+        return r, azimuth, 2.0 * math.pi * draw[..., 3], speed
+
+    def _on_the_edge(self, draw: Array) -> tuple[Array, ...]:
+        """Range, azimuth, heading and speed of targets that come over the edge."""
+        ends = np.cumsum(self.arc_and_sides)
+        side = np.searchsorted(ends / ends[-1], draw[..., 1], side="right").clip(max=3)
+        along_arc = self.half_sector * (2.0 * draw[..., 2] - 1.0)
+        along_side = self.nearest + draw[..., 2] * (self.farthest - self.nearest)
+        azimuth = np.choose(side, [along_arc, along_arc, -self.half_sector, self.half_sector])
+        r = np.choose(side, [self.farthest, self.nearest, along_side, along_side])
+        normal = azimuth + np.choose(side, [math.pi, 0.0, 0.5 * math.pi, -0.5 * math.pi])
+        heading = normal + np.arcsin(2.0 * draw[..., 3] - 1.0)
+        speed = np.sqrt(self.slowest**2 + draw[..., 4] * (self.fastest**2 - self.slowest**2))
+        return r, azimuth, heading, speed

@@ -20,11 +20,9 @@ from wavegym.systems.multifunction_radar import step_kernels as kernels
 from wavegym.systems.multifunction_radar.actions import Dwells
 from wavegym.systems.multifunction_radar.beam_kernels import Beam, coverage
 from wavegym.systems.multifunction_radar.dwell_kernels import Area, middle_of, usual_number
-from wavegym.systems.multifunction_radar.figures import take_figures
-from wavegym.systems.multifunction_radar.state import Belief, Truth, World
-from wavegym.systems.multifunction_radar.target_kernels import Flight, fly_all
+from wavegym.systems.multifunction_radar.state import Belief, Traffic, Truth, World, take_figures
+from wavegym.systems.multifunction_radar.step_kernels import Flight, fly_all
 from wavegym.systems.multifunction_radar.track_kernels import Modes
-from wavegym.systems.multifunction_radar.traffic import Traffic
 from wavegym.waveforms import PulseTiming, check_range_folds
 
 MONOPULSE = 1.6  # slope of a monopulse: the standard deviation of an angle is the beam width / (1.6 sqrt(2 SNR))

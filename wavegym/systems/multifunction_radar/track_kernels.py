@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_matrices, copy_matrix, copy_vector
+from wavegym.core.array_kernels import copy_matrices, copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
 from wavegym.trackers.imm_kernels import combine_one, mix_one, reweigh_one, squared_length

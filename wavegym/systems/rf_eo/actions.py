@@ -10,11 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
+from wavegym.core.action_sets import JointLibrary, Library, Parameter, ParameterBox, PerSensorLibrary, quantity
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int
-from wavegym.core.parameter_box import Parameter, ParameterBox
-from wavegym.core.units import quantity
 from wavegym.sensors import View, platform_view
 
 GRID_POINTS = 64  # PRFs, and pixel angles, that the search in a box tries; 96 lower the cost by less than 1 % more

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_matrix
+from wavegym.core.array_kernels import copy_matrix
 from wavegym.core.kernels import kernel
-from wavegym.systems.rf_eo.look_kernels import weighted_information
-from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
+from wavegym.systems.rf_eo.look_kernels import predict_ahead, weighted_information
 from wavegym.systems.rf_eo.search_kernels import SWEEPS, empty_tables, tabulate
 
 STARTS = 12  # each platform's own optimum; forwards and backwards from nothing; own optima for other target weights

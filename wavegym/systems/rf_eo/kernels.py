@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_matrix, copy_vector
+from wavegym.core.array_kernels import copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.folding_kernels import apparent
 from wavegym.sensors.platform_kernels import penalty_one, polar

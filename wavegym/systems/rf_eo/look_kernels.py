@@ -1,10 +1,11 @@
-"""What the platforms see of a predicted target, in compiled form: quantities, their spread, predicted variances.
+"""What the platforms see of a predicted target, and the belief after it, in compiled form.
 
 Shapes: e environments, t targets, p platforms, a = 3 p quantities, (r, rdot, azimuth) of platform after platform.
 ``settings`` (e, p, 4): PRF, bandwidth, pixel angle and look direction; variance, low and high (p, 3): variances and
 field of view of one environment's settings. ``places`` (p, 3): positions and directions from which azimuths count, +y
 in arguments of kernels; ``looks`` (e, p): look directions before the step; ``fence`` (2, 3): sharpness and height of
-the penalties; ``rules``: the scalars of ``Rules``; ``stay`` (t, 2): the steps after which targets come and go.
+the penalties; ``rules``: the scalars of ``Rules``; ``stay`` (t, 2): the steps after which targets come and go; c
+candidates.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -14,10 +15,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavegym.core.kernels import inlined
+from wavegym.core.array_kernels import copy_matrix, copy_vector
+from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.folding_kernels import certain_fold_one, outside_notch_one
 from wavegym.sensors.platform_kernels import penalty_one, polar, polar_rows, view_one, wrapped
-from wavegym.trackers.kernels import gain_one, spread_one
+from wavegym.trackers.kernels import gain_one, predict_covariance_one, predict_mean_one, shrink_one, spread_one
 from wavegym.trackers.polar_kernels import state_gradient, state_point
 
 PLACE = (0, 2)  # elements of [x xdot y ydot] that range and azimuth depend on
@@ -217,3 +219,73 @@ def information_one(i, P, h, H, variance, low, high, fence, rules):
                 R = predicted_variance(h[a + q], g, variance[j, q], low[j, q], high[j, q], q, fence, rules)
                 total += weighted_information(g, R, seen, width_of(q, high[j, q], rules))
     return total
+
+
+@kernel
+def predict_ahead(step, mean, P, F, Q, places, rules, stay, x, V, h, H, nn):
+    """Predict all targets: mean x (t, n), covariance V (t, n, n), measurements h (t, a), Jacobians H (t, a, n).
+
+    A target that is not in the scene one step ahead stays as it is; its range of -1 is too near to be measured.
+    """
+    T = np.empty((len(nn), len(nn)))
+    for t in range(mean.shape[0]):
+        if not is_here(t, step + 1, stay):
+            copy_vector(mean[t], x[t])
+            copy_matrix(P[t], V[t])
+            h[t], H[t] = -1.0, 0.0
+            continue
+        predict_mean_one(t, mean, F, 0, x, nn)
+        predict_covariance_one(t, P, F, Q, 0, T, V, nn)
+        look_one(t, x, places, rules, h[t], H[t])
+
+
+@kernel
+def predict(step, mean, P, settings, F, Q, places, fence, rules, stay, x, P_out, nn):
+    """Fill predicted means x (e, c, t, n) and updated covariances P_out (e, c, t, n, n); settings (e or 1, c, p, 4)."""
+    (count, candidates, targets), n, platforms = x.shape[:3], len(nn), places.shape[0]
+    variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
+    ahead, V, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty(n)
+    h, H, spread, seen = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n)), 0.0, 1.0
+    for e in range(count):
+        predict_ahead(step[e], mean[e], P[e], F, Q, places, rules, stay, ahead, V, h, H, nn)
+        own = settings[e if settings.shape[0] > 1 else 0]
+        for c in range(candidates):
+            view_all(c, own, rules, variance, low, high)
+            out = P_out[e, c]
+            for t in range(targets):
+                copy_vector(ahead[t], x[e, c, t])
+                copy_matrix(V[t], out[t])
+                for turn in range(6 * platforms if rules.folding else 3 * platforms):
+                    a = turn % (3 * platforms)
+                    j, q = a // 3, a % 3
+                    early = rules.folding and turn < 3 * platforms  # azimuths first, as in the tracker
+                    if h[t, 3 * j] < rules.nearest or (rules.folding and early != (q == 2)):
+                        continue
+                    if rules.margin > 0.0:
+                        spread = spread_of(q, t, V, H[t], a)
+                    if rules.folding and q == 0:
+                        r_variance, rdot_variance = spread_of(0, t, V, H[t], a), spread_of(1, t, V, H[t], a + 1)
+                        seen = seen_one(h[t, a], h[t, a + 1], r_variance, rdot_variance, high, j, rules)
+                    value = off_look(h[t, a], own[c, j, 3], q)
+                    R = predicted_variance(value, spread, variance[j, q], low[j, q], high[j, q], q, fence, rules)
+                    g = gain_of(q, t, out, H[t], a, v, nn)
+                    s = expected_innovation(g, R, seen, width_of(q, high[j, q], rules))
+                    shrink_one(t, out, v, s, nn)
+
+
+@kernel
+def information(step, mean, P, settings, F, Q, places, fence, rules, stay, out, nn):
+    """out (e, c, t): tr(P C' R~^-1 C) of every target for settings (e or 1, c, p, 4)."""
+    (count, candidates, targets), n, platforms = out.shape, len(nn), places.shape[0]
+    variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
+    ahead, V = np.empty((targets, n)), np.empty((targets, n, n))
+    h, H, off = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n)), np.empty(3 * platforms)
+    for e in range(count):
+        predict_ahead(step[e], mean[e], P[e], F, Q, places, rules, stay, ahead, V, h, H, nn)
+        own = settings[e if settings.shape[0] > 1 else 0]
+        for c in range(candidates):
+            view_all(c, own, rules, variance, low, high)
+            for t in range(targets):
+                for a in range(len(off)):
+                    off[a] = off_look(h[t, a], own[c, a // 3, 3], a % 3)
+                out[e, c, t] = information_one(t, V, off, H[t], variance, low, high, fence, rules)

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_vector
+from wavegym.core.array_kernels import copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import wrapped
-from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
+from wavegym.systems.rf_eo.look_kernels import predict_ahead
 from wavegym.systems.rf_eo.search_kernels import (
     SWEEPS,
     absorb_all,

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, NonNegativeInt
+from pydantic import Field, NonNegativeInt, WrapValidator
 
 from wavegym.core.arrays import Array
-from wavegym.core.costs import trace_cost
-from wavegym.core.errors import InputError, check_ordered, check_within
+from wavegym.core.covariances import MOST_RATIO, check_covariance, trace_cost
+from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import System
 from wavegym.sensors import range_and_rate
 from wavegym.sensors.platform import KINDS, Penalty
-from wavegym.systems.precision import MOST_RATIO
 from wavegym.systems.recorded_targets import (
     PlaysRecordings,
     farthest_range_parameter,
@@ -30,10 +30,12 @@ from wavegym.systems.recorded_targets import (
 from wavegym.systems.rf_eo.actions import PlatformActions
 from wavegym.systems.rf_eo.look_kernels import Rules
 from wavegym.systems.rf_eo.state import Belief
-from wavegym.systems.rf_eo.weights import Weights, weighting_matrix
 from wavegym.targets import MotionModel, constant_turn
 from wavegym.waveforms import SPEED_OF_LIGHT, PulseTiming
 
+StateWeights = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
+SEQUENCES = (tuple, list, np.ndarray)
+SIZE = 4  # elements of the state [x xdot y ydot]
 MOST = 64  # targets, and platforms
 LONGEST = 1_000_000  # steps
 FARTHEST = 1e9  # m, m/s: double precision still resolves differences at this size
@@ -48,6 +50,27 @@ TurnRate = Annotated[float, Field(ge=-FASTEST, le=FASTEST, allow_inf_nan=False)]
 Bound = Annotated[float, Field(gt=0, le=GREATEST, allow_inf_nan=False)]
 Bounds = tuple[Bound, Bound]  # least and greatest
 StateVariance = tuple[Positive, Positive, Positive, Positive]
+
+
+def _diagonal_or_rows(given: Any, as_diagonal: Callable[[Any], Any]) -> Any:
+    """Four numbers as they are, or four rows as a tuple of tuples; InputError for rows that are no weighting matrix."""
+    if not (isinstance(given, SEQUENCES) and any(isinstance(row, SEQUENCES) for row in given)):
+        return as_diagonal(given)
+    sizes = [np.size(row) for row in given]
+    if sizes != [SIZE] * SIZE:
+        raise InputError(f"weights has rows of {sizes} elements, expected 4 numbers, or 4 rows of 4")
+    return tuple(map(tuple, check_covariance("weights", np.array(given, np.float64)).tolist()))
+
+
+Weights = Annotated[StateWeights, WrapValidator(_diagonal_or_rows)]
+
+
+def weighting_matrix(weights: Weights) -> Array:
+    """W, (4, 4). InputError if its trace is 0."""
+    given = np.array(weights)
+    matrix = np.diag(given) if given.ndim == 1 else given
+    check_positive("sum of weights", float(np.trace(matrix)))
+    return matrix
 
 
 @system_parameters

@@ -12,18 +12,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_matrices, copy_matrix
+from wavegym.core.array_kernels import copy_matrices, copy_matrix
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import wrapped
 from wavegym.systems.rf_eo.look_kernels import (
     expected_innovation,
     gain_of,
+    predict_ahead,
     predicted_variance,
     seen_one,
     spread_of,
     width_of,
 )
-from wavegym.systems.rf_eo.prediction_kernels import predict_ahead
 from wavegym.trackers.kernels import shrink_one
 
 SWEEPS = 10  # most passes of a search over all platforms

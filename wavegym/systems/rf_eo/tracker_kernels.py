@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.copy_kernels import copy_matrix
+from wavegym.core.array_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.folding_kernels import certain_reach, fold_pair_one, nearest_fold, nearest_pair, shifted
 from wavegym.sensors.platform_kernels import polar as polar_quantities

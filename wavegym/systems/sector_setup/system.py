@@ -12,7 +12,7 @@ from pydantic import Field
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.costs import trace_cost
+from wavegym.core.covariances import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
 from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters

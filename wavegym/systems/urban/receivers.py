@@ -12,7 +12,7 @@ from wavegym.core.arrays import Array
 from wavegym.sensors.detection import realised_snr
 from wavegym.sensors.multistatic import Multistatic
 from wavegym.sensors.receiver import ArrayReceiver, Peaks
-from wavegym.systems.urban import signal_kernels as kernels
+from wavegym.systems.urban import kernels
 from wavegym.systems.urban.state import Scene
 from wavegym.waveforms import SPEED_OF_LIGHT
 
@@ -52,7 +52,7 @@ class UrbanReceivers:
         """One scan of every environment, as ``kernels.measure``: z (env, pair, most, m), count (env, pair).
 
         targets: (env, target, 6). sent: index of the waveform that the transmitter of each pair sends, (env, pair).
-        R (env, pair, most, m, m) receives the covariances that are fitted to the peaks, see ``signal_kernels.report``.
+        R (env, pair, most, m, m) receives the covariances that are fitted to the peaks, see ``kernels.report``.
         """
         factors = self._factors(keys, scans)
         for e, (key, scan) in enumerate(zip(keys, scans, strict=True)):

@@ -11,9 +11,9 @@ import shapely
 
 from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.decision_makers import makers_by_form
 from wavegym.core.errors import InputError, check_positive
 from wavegym.core.parameters import NonNegative, Positive, Probability, parameter, system_parameters
+from wavegym.core.policy import makers_by_form
 from wavegym.core.system import ObservationField, State, System
 from wavegym.core.traits import DecisionMaker, DecisionMakers, TimedPulses
 from wavegym.sensors import Antenna, Multistatic, range_and_rate
@@ -21,7 +21,6 @@ from wavegym.sensors.detection import detected_snr_table, detection_table
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.systems.urban import figure_kernels, kernels
-from wavegym.systems.urban.drivers import deviation_model
 from wavegym.systems.urban.receivers import UrbanReceivers
 from wavegym.systems.urban.state import (
     Belief,
@@ -29,6 +28,7 @@ from wavegym.systems.urban.state import (
     Scene,
     Truth,
     World,
+    deviation_model,
     make_scene,
     room_for,
     urban_fields,

@@ -24,8 +24,7 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 from scipy.special import chdtri
 
-from wavegym.core.array_checks import check_elements, check_last_axes, check_shape
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, check_elements, check_last_axes, check_shape
 from wavegym.core.errors import (
     InputError,
     check_int,

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wavegym.core.covariance_checks import check_covariance, check_positive_definite
+from wavegym.core.covariances import check_covariance, check_positive_definite
 from wavegym.core.errors import InputError
 
 SIZES = st.integers(1, 6)

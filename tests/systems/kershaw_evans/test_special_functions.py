@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import special
 
-from wavegym.core import special_kernels
 from wavegym.core.kernels import kernel
+from wavegym.systems.kershaw_evans import kernels
 
 ARGUMENTS = np.concatenate([np.linspace(-30.0, 30.0, 10_001), [0.0, -0.0, 1e-300, 1e300, np.inf, -np.inf, np.nan]])
 
@@ -15,13 +15,13 @@ ARGUMENTS = np.concatenate([np.linspace(-30.0, 30.0, 10_001), [0.0, -0.0, 1e-300
 @kernel
 def erfc(x, out):
     for i in range(len(x)):
-        out[i] = special_kernels.erfc(x[i])
+        out[i] = kernels.erfc(x[i])
 
 
 @kernel
 def erfcx(x, out):
     for i in range(len(x)):
-        out[i] = special_kernels.erfcx(x[i])
+        out[i] = kernels.erfcx(x[i])
 
 
 @pytest.mark.parametrize("function", [erfc, erfcx])
