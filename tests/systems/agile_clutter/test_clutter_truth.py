@@ -7,8 +7,6 @@ import oracles
 import pytest
 
 from wavegym.core import trees
-from wavegym.core.errors import InputError
-from wavegym.core.parameters import parameter_infos
 from wavegym.systems.agile_clutter import AgileClutter
 from wavegym.systems.beam_allocation import BeamAllocation
 from wavegym.systems.energy_budget import EnergyBudget
@@ -49,17 +47,6 @@ def leaves(state):
     found = []
     trees.tree_map(found.append, state)
     return found
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_truth_equal_to_the_assumptions_changes_nothing(kind):
-    names = [info.name for info in parameter_infos(kind) if info.truth]
-    assert {"q", "turn_rate", "reference_range", "prior_variance", "false_alarm", "clutter_density"} <= set(names)
-    told = kind(truth={name: getattr(kind(), name) for name in names})
-    worlds = oracles.worlds(told, 4)
-    for one, other in zip(play(told, worlds), play(kind(), worlds), strict=True):
-        for a, b in zip(leaves(one), leaves(other), strict=True):
-            np.testing.assert_array_equal(a, b)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -128,18 +115,3 @@ def test_spells_of_occlusion_follow_the_truth_and_their_forecast_does_not():
     assert occluded[30:].mean() == pytest.approx(0.75, abs=0.03)
     belief = states[5].belief
     np.testing.assert_array_equal(changed._clear_probability(belief), assumed._clear_probability(belief))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(
-    ("truth", "words"),
-    [
-        ({"gate": 2.0}, "truth has 'gate', expected one of q, turn_rate, reference_range"),
-        ({"clutter": 1e-3}, "did you mean 'clutter_density'"),
-        ({"q": -1.0}, "q is -1.0"),
-    ],
-)
-def test_other_truths_are_refused_in_one_line(kind, truth, words):
-    with pytest.raises(InputError, match=words) as error:
-        _ = kind(truth=truth).truth_model
-    assert "\n" not in str(error.value)

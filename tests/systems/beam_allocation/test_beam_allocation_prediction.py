@@ -116,18 +116,6 @@ def normal(rng, count):
     return rng.standard_normal((count, 3, 4))
 
 
-def test_candidates_are_a_loop_over_them_bit_for_bit():
-    belief = played(SYSTEM, oracles.worlds(SYSTEM, 3), 12).belief
-    everything, rng = SYSTEM.candidates(), np.random.default_rng(1)
-    for given in (None, rng.random((3, 36, 2, 3))):
-        shared = SYSTEM.predict(belief, everything[None], given)
-        many = SYSTEM.predict(belief, np.repeat(everything[None], 3, axis=0), given)
-        for c in everything:
-            one = SYSTEM.predict(belief, np.full(3, c), None if given is None else given[:, c])
-            for a, b, d in zip(one, trees.tree_map(lambda x, c=c: x[:, c], many), shared, strict=True):
-                assert a is None or (np.array_equal(a, b) and np.array_equal(a, d[:, c]))
-
-
 def test_the_one_step_scheduler_tries_all_joint_actions():
     belief, policy = played(SYSTEM, oracles.worlds(SYSTEM, 30), 12).belief, Myopic()
     policy.begin(SYSTEM, 30, np.random.default_rng(0))

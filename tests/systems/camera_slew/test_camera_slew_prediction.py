@@ -124,10 +124,6 @@ def test_prediction_with_a_given_outcome_is_the_transition():
     for k in range(80):
         action = np.where(rng.random(40) < 0.15, rng.integers(4, size=40), action)
         predicted = system.predict(state.belief, action, worlds.found[:, k])
-        if k % 2:  # also among several candidates
-            every = system.predict(state.belief, np.arange(4)[None], worlds.found[:, None, k])
-            one = type(predicted)(*(part[np.arange(40), action] for part in every))
-            trees.tree_map(np.testing.assert_array_equal, one, predicted)
         true = np.arctan2(state.truth.targets[..., 0] + 1e3, state.truth.targets[..., 2])
         state = system.transition(state, action, worlds)
         edge = np.abs(np.abs(wrap(true - predicted.pointing[:, None])) - system.half_field)

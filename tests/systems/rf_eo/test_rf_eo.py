@@ -1,4 +1,4 @@
-"""The RF/EO loop's episodes: what is in view, targets on top of platforms, tracks lost, consistency, batches."""
+"""The RF/EO loop's episodes: what is in view, targets on top of platforms, tracks lost, consistency."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from wavegym.sensors import platform_measurement
 from wavegym.systems.rf_eo.far import RfEoFar
 from wavegym.systems.rf_eo.system import RfEo
 
-FORMS, MODES = ("library", "joint", "box"), ("missing", "inflated")
+MODES = ("missing", "inflated")
 PLATFORMS, STARTS = ((-1e3, -1e3), (1e3, -1e3), (0.0, 4e3)), ((-1e3, 5, 1e3, 0), (1e3, 0, 1e3, -7), (300, 20, -2e3, 9))
-FIXED = np.array([[60e3, 10e6, 1e-3], [40e3, 5e6, 1e-3]])
 
 
 def at_random(system, seed=0):
@@ -58,20 +57,6 @@ def all_finite(system, state):
     asked = [system.cost(belief), system.observe(belief), system.information(belief, some), system.best_action(belief)]
     asked += [*system.state_info(state).values(), system.most_information(belief)[0], *system.plan(belief, 2)]
     return finite(state) and finite(system.predict(belief, some)) and all(np.isfinite(a).all() for a in asked)
-
-
-def test_worlds_are_the_same_whatever_is_chosen_or_assumed():
-    want = RfEo(horizon=9).draw_world(np.random.default_rng(3))
-    changed = [{"action": form} for form in FORMS] + [{"penalty": "hard"}, {"out_of_view": "inflated"}, {"margin": 1.0}]
-    for settings in [*changed, {"first_estimate": "drawn"}, {"q": 5.0}, {"iterations": 1}, {"as_printed": True}]:
-        assert same(RfEo(horizon=9, **settings).draw_world(np.random.default_rng(3)), want)
-    assert not same(RfEo(horizon=9).draw_world(np.random.default_rng(4)), want)
-    system = RfEo(horizon=9)
-    worlds = oracles.worlds(system, 3)
-    one, other = (play(system, worlds, at_random(system, seed))[0] for seed in (0, 1))
-    for a, b in zip(one, other, strict=True):
-        np.testing.assert_array_equal(a.truth.targets, b.truth.targets)
-    assert not same(one[-1].belief, other[-1].belief)
 
 
 @pytest.mark.parametrize("platforms", [1, 2, 3])
@@ -281,21 +266,3 @@ def test_the_plain_extended_filter_is_not():
     means, _ = mean_nees(RfEo(horizon=5, iterations=1))
     assert means[0] > 1000
     assert means.min() > 100
-
-
-@pytest.mark.parametrize("cls", [RfEo, RfEoFar])
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("chooses", ["myopic", "random"])
-def test_a_batch_is_its_elements(cls, form, chooses):
-    """Five environments, thirty steps, bit for bit."""
-    system = cls(horizon=30, action=form)
-    worlds = oracles.worlds(system, 5)
-    states, actions = play(system, worlds, system.best_action if chooses == "myopic" else at_random(system))
-    for e in range(5):
-        row = slice(e, e + 1)
-        mine = iter(actions)
-        choose = system.best_action if chooses == "myopic" else lambda belief, m=mine, r=row: next(m)[r]
-        alone, chosen = play(system, oracles.rows(worlds, row), choose)
-        for k, (together, one) in enumerate(zip(states, alone, strict=True)):
-            assert same(trees.tree_map(lambda a, r=row: a[r], together), one), (k, e)
-        np.testing.assert_array_equal(np.concatenate(chosen), np.array(actions)[:, e])

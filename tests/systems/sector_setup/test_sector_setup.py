@@ -1,24 +1,17 @@
-"""Episodes of the sector set-up: dead steps, windows, consistency, starts, observation, batches, invalid input."""
+"""Episodes of the sector set-up: dead steps, windows, consistency, starts, observation."""
 
 from __future__ import annotations
 
-from functools import partial
-
-import gymnasium as gym
 import numpy as np
 import oracles
 import pytest
-from gymnasium.utils.env_checker import check_env
 from scipy.stats import kstest
 
 import wavegym  # noqa: F401
 from wavegym.core.errors import InputError
 from wavegym.core.system import State
-from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.systems.sector_setup.system import SectorSetup
-from wavegym.testing import check_vector_env
 
-ID = "wavegym/SectorSetup-v0"
 SYSTEM = SectorSetup()
 
 
@@ -95,15 +88,6 @@ def test_starts():
     np.testing.assert_array_equal(belief.covariance[3, 2], np.diag(SYSTEM.prior_variance))
 
 
-def test_worlds_are_the_same_whatever_is_assumed():
-    def drawn(**settings):
-        return SectorSetup(**settings).draw_world(np.random.default_rng(3))
-
-    for settings in ({"dead_steps": 0}, {"windows": ((0, 1, 2),)}, {"q": (1.0, 1.0)}, {"dt": 0.1}):
-        for one, other in zip(drawn(), drawn(**settings), strict=True):
-            np.testing.assert_array_equal(one, other)
-
-
 def test_given_windows_replace_drawn_ones():
     system = SectorSetup(windows=((2, 5, 9), (0, 0, 59)))
     visible = system.initial(oracles.worlds(system, 3)).belief.visible
@@ -157,67 +141,6 @@ def test_a_target_on_top_of_a_receiver():
         assert (system.state_info(state)["nees"] >= 0).all()
     eta = seen[:, [e.name for e in system.observation_fields].index("snr_1_1")]
     assert eta.max() <= 10 * np.log10(20 * 5650.0**4 / (500.0 * 2.5e3) ** 2)
-
-
-def test_a_batch_is_its_elements_bit_for_bit():
-    worlds, actions = oracles.worlds(SYSTEM, 5), np.random.default_rng(0).integers(8, size=(12, 5))
-    whole = SYSTEM.initial(worlds)
-    parts = [SYSTEM.initial(oracles.rows(worlds, slice(e, e + 1))) for e in range(5)]
-    for action in np.repeat(actions, 5, axis=0):
-        whole = SYSTEM.transition(whole, action, worlds)
-        for e in range(5):
-            parts[e] = SYSTEM.transition(parts[e], action[e : e + 1], oracles.rows(worlds, slice(e, e + 1)))
-            for one, many in zip(parts[e].belief, whole.belief, strict=True):
-                np.testing.assert_array_equal(one[0], many[e])
-            for ask in (SYSTEM.observe, SYSTEM.cost, SYSTEM.delay, partial(SYSTEM.gain, wait=2, ahead=7)):
-                np.testing.assert_array_equal(ask(parts[e].belief)[0], ask(whole.belief)[e])
-
-
-def test_registered():
-    check_env(gym.make(ID, disable_env_checker=True).unwrapped, skip_render_check=True)
-    for k, one, _ in oracles.in_step(gym.make(ID), gym.make_vec(ID, 3), 60):
-        assert one[2:4] == (k == 60, False)
-        assert {"position_error", "nees", "lost", "detections", "dead"} <= set(one[4])
-
-
-@pytest.mark.slow
-def test_does_what_gymnasiums_vector_environment_does():
-    assert check_vector_env(partial(WaveformVectorEnv, SectorSetup(horizon=30))) is None
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ({"dead_steps": -1}, "dead_steps is -1.*nearest: 0"),
-        ({"horizon": 0}, "horizon is 0.*nearest: 1"),
-        ({"targets": 0}, "targets is 0.*nearest: 1"),
-        ({"receivers": ()}, r"receivers is \(\): Tuple should have at least 1 item"),
-        ({"receivers": ((np.nan, 0.0),)}, r"receivers\.0\.0 is nan"),
-        ({"waveforms": ()}, r"waveforms is \(\): Tuple should have at least 1 item"),
-        ({"waveforms": ((12.0, 0.0),)}, r"waveforms\.0\.1 is 0\.0, expected a finite number > 0"),
-        ({"waveforms": ((12.0, 1.0),) * 2}, "expected different waveforms"),
-        ({"windows": ((4, 0, 3),)}, r"target of hidden window \(4, 0, 3\) is 4.*nearest: 3"),
-        ({"windows": ((0, 50, 60),)}, "last step .* is 60.*nearest: 59"),
-        ({"windows": ((0, -2, 3),)}, "first step .* is -2.*nearest: 0"),
-        ({"windows": ((0, 9, 3),)}, "last step .* is 3.*nearest: 9"),
-        ({"shown": (0, 4)}, "shown is 0"),
-        ({"hidden": (5, 4)}, r"hidden is \(5, 4\)"),
-        ({"q": (0.0, 1.0)}, r"q\.0 is 0\.0 m\^2/s\^3, expected a finite number > 0"),
-        ({"q": (2.0, 1.0)}, r"q is \(2, 1\).*nearest: \(1, 2\)"),
-        ({"speed": (-1.0, 1.0)}, r"speed\.0 is -1\.0.*nearest: 0"),
-        ({"region": ((1.0, 0.0), (0.0, 1.0))}, r"x of region is \(1, 0\)"),
-        ({"reference_snr": 0.0}, "reference_snr is 0.0"),
-        ({"nearest_range": 9e3}, "nearest_range is 9000.0 m.*nearest: 5650"),
-        ({"false_alarm": 1.0}, "false_alarm is 1.0, expected a finite number < 1"),
-        ({"prior_variance": (0.0, 1.0, 1.0, 1.0)}, r"prior_variance\.0 is 0\.0, expected a finite number > 0"),
-        ({"weights": (0.0,) * 4}, "sum of weights is 0.0"),
-        ({"dead_step": 2}, "did you mean 'dead_steps'"),
-    ],
-)
-def test_bad_input_is_refused_in_one_line(parameters, words):
-    with pytest.raises(InputError, match=words) as caught:
-        gym.make(ID, **parameters)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_look_ahead_of_no_steps_is_refused():

@@ -8,8 +8,6 @@ import numpy as np
 import oracles
 import pytest
 
-from wavegym.core.errors import InputError
-from wavegym.envs.build import build_system
 from wavegym.schedulers.heuristics.index_policies import CostOfDelay
 from wavegym.systems.sector_setup.city import SectorSetupCity
 from wavegym.systems.sector_setup.system import SectorSetup
@@ -19,10 +17,6 @@ SYSTEMS = {
     "city": SectorSetupCity(),
 }
 EVERY = pytest.mark.parametrize("name", SYSTEMS)
-WORLD = (
-    "q", "turn_rate", "prior_variance", "region", "speed", "reference_snr", "reference_range", "nearest_range",
-    "false_alarm", "windows",
-)  # fmt: skip
 
 
 def play(system, worlds):
@@ -37,16 +31,6 @@ def play(system, worlds):
 
 def nees(system, states):
     return np.mean([system.state_info(state)["nees"] for state in states[1:]])
-
-
-@EVERY
-def test_a_truth_equal_to_the_assumptions_changes_nothing(name):
-    system = SYSTEMS[name]
-    told = replace(system, truth={each: getattr(system, each) for each in WORLD})
-    worlds = oracles.worlds(system, 6)
-    for one, other in zip(play(system, worlds), play(told, worlds), strict=True):
-        for a, b in zip((*one.truth, *one.belief), (*other.truth, *other.belief), strict=True):
-            np.testing.assert_array_equal(a, b)
 
 
 @pytest.mark.slow
@@ -107,13 +91,6 @@ def test_targets_hide_where_nobody_expects_it(name):
     assert sum(state.truth.detections.sum() for state in states) == 0
     np.testing.assert_array_equal(states[0].belief.visible, system.initial(worlds).belief.visible)
     assert states[0].belief.visible.any()
-
-
-@pytest.mark.parametrize("truth", [{"shown": (1, 2)}, {"dead_steps": 0}, {"targets": 3}, {"waveforms": ((1.0, 1.0),)}])
-def test_what_is_no_law_of_the_world_may_not_differ(truth):
-    with pytest.raises(InputError, match=r"truth has '\w+', expected one of") as error:
-        build_system(SectorSetup, {"truth": truth})
-    assert "\n" not in str(error.value)
 
 
 @EVERY

@@ -8,8 +8,6 @@ import pytest
 from scipy.stats import chi2, poisson
 from urban_plays import LONG_UP, played
 
-from wavegym.core.errors import InputError
-from wavegym.core.parameters import make_checked
 from wavegym.core.system import State
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import rollout
@@ -216,40 +214,6 @@ def test_with_no_track_the_one_step_scheduler_sends_the_longer_pulse():
     assert (costs == costs[:, :1]).all()
     always, myopic = (played(SYSTEM, policy, 5)[-1] for policy in (f"fixed:{LONG_UP}", "myopic"))
     np.testing.assert_allclose(SYSTEM.cost(always.belief), SYSTEM.cost(myopic.belief), rtol=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"city": "intersektion"}, "city is 'intersektion', expected one of 'intersection'"),
-        ({"transmitters": ((2000.0, 1600.0),)}, "inside a building"),
-        ({"path": ((30.0, 0.0, 0.3),)}, "path leads into a building"),
-        ({"start": (2000.0, 1600.0)}, "path (begins in|leads into) a building"),
-        ({"durations": ()}, "library is empty"),
-        ({"transmitters": ()}, r"transmitters is \(\), expected at least one"),
-        ({"arrivals": ()}, "arrivals is"),
-        ({"charged": 9}, "charged is 9, expected 1 to 8 slots"),
-        ({"horizon": 0}, "horizon is 0"),
-        ({"tracker": "imm"}, "tracker is 'imm'"),
-        ({"slots": 0}, "slots is 0, expected an integer >= 1"),
-        ({"arrivals": (float("nan"),)}, "arrivals.0 is nan"),
-        ({"weights": (1.0, -1.0, 1.0)}, r"weights\.1 is -1\.0"),
-        ({"weights": (0.0, 0.0, 0.0)}, r"sum of weights is 0\.0"),
-        ({"clutter_density": 0.0}, r"clutter_density is 0\.0"),
-        ({"clutter_density": 1.0}, "false returns of a pair in a scan are 1.124e"),
-        ({"transmitters": ((2085.0, float("nan")),)}, "transmitters.0.1 is nan"),
-        ({"receivers": ((1e6, 1e6), (2078.0, 1467.0))}, "m from the nearest road, expected at most twice the reach"),
-        ({"clutter_density": -1.0, "fidelity": "signal"}, r"clutter_density is -1\.0"),
-        ({"receivers": ((2088.0, 1475.0),)}, "expected at least two"),
-        ({"array_axes": (0.0,)}, "array_axes has 1 azimuths, expected 2, one for each receiver"),
-        ({"truth": {"slots": 3}}, "truth has 'slots', expected one of "),
-        ({"truth": {"arrivals": (0.0,)}}, "truth has arrivals of 1 targets, expected 2"),
-    ],
-)
-def test_mistakes(change, message):
-    with pytest.raises(InputError, match=message) as error:
-        make_checked(Urban, change)
-    assert "\n" not in str(error.value)
 
 
 def test_the_belief_has_the_fields_of_tracks():

@@ -164,17 +164,3 @@ def test_the_truth_may_differ_from_the_belief():
         np.testing.assert_array_equal(a, b)
     means = [Errors(system, count).mean_nees()[0] for system in (SYSTEM, changed)]
     assert means[1] > 1.5 * means[0]
-
-
-def test_a_truth_equal_to_the_belief_changes_nothing():
-    worlds = oracles.worlds(SYSTEM, 5)
-    same = Urban(truth={"sigma": SYSTEM.sigma, "reference_snr": SYSTEM.reference_snr})
-    states = [system.initial(worlds) for system in (SYSTEM, same)]
-    for k in range(60):
-        states = [
-            system.transition(state, np.full(5, k % 4), worlds)
-            for system, state in zip((SYSTEM, same), states, strict=True)
-        ]
-    for half in (0, 1):
-        for a, b in zip(states[0][half], states[1][half], strict=True):
-            np.testing.assert_array_equal(a, b)

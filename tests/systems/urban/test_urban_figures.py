@@ -6,8 +6,6 @@ import numpy as np
 import oracles
 import pytest
 
-from wavegym.core.errors import InputError
-from wavegym.core.parameters import make_checked
 from wavegym.systems.urban.state import HELD_WITHIN
 from wavegym.systems.urban.system import Urban
 from wavegym.trackers import Tracks, gospa
@@ -76,8 +74,3 @@ def test_the_cost_is_that_of_the_cheapest_slots(states):
         each = belief.existence * trace + (1.0 - belief.existence) * SYSTEM.absent
         wanted = np.sort(each, axis=1)[:, : SYSTEM.charged].sum(axis=1)
         np.testing.assert_allclose(SYSTEM.cost(belief), wanted, rtol=1e-12)
-
-
-def test_more_targets_than_the_metric_takes_are_refused():
-    with pytest.raises(InputError, match="arrivals has 13 targets, expected at most 12"):
-        make_checked(Urban, {"arrivals": tuple(range(13))})
