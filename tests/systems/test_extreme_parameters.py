@@ -23,7 +23,6 @@ from wavegym.registration import SYSTEMS
 
 FACTORS = (1e9, 1e5, 1e-5, 1e-9)
 STEPS = 5
-SLOW = ("wavegym/Urban-v0", "wavegym/UrbanSignal-v0")  # a map or a signal chain for every value
 VARIANTS: tuple[tuple[str, dict[str, Any]], ...] = (
     *((id, {}) for id in SYSTEMS),
     (
@@ -108,7 +107,7 @@ def played(id: str, parameters: dict[str, Any]) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("id", "fixed"),
-    [pytest.param(*each, marks=pytest.mark.slow) if each[0] in SLOW else each for each in VARIANTS],
+    VARIANTS,
     ids=lambda value: value if isinstance(value, str) else "+".join(value),
 )
 def test_an_extreme_value_is_refused_at_the_door_or_plays(id: str, fixed: dict[str, Any]) -> None:

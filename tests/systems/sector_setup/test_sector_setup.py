@@ -22,14 +22,13 @@ def coasted(system, belief):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("steps", [60_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("dead_steps", [3, 0])
-def test_dead_steps_and_windows_hold_in_every_random_step(steps, dead_steps):
+def test_dead_steps_and_windows_hold_in_every_random_step(dead_steps):
     """Only the covariance of the illuminated target shrinks, and only if a pulse was sent and the target is visible."""
     system, rng = SectorSetup(dead_steps=dead_steps), np.random.default_rng(0)
-    worlds, looks = oracles.worlds(system, 500), 0
+    worlds, looks, steps = oracles.worlds(system, 500), 0, 1_000_000
     rows = np.arange(500)
-    for _ in range(steps // (500 * system.horizon) or 1):
+    for _ in range(steps // (500 * system.horizon)):
         state, action, run = system.initial(worlds), np.full(500, -1), np.zeros(500, int)
         assert (state.belief.pointed == -1).all()
         for k in range(system.horizon):

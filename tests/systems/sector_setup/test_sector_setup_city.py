@@ -62,17 +62,16 @@ def test_nobody_is_told_when_buildings_hide_a_target():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [20, pytest.param(300, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "change", [{}, {"truth": {"q": (0.05, 0.5), "turn_rate": 0.02}}], ids=["as assumed", "other world"]
 )
-def test_buildings_hide_targets_where_they_truly_are(change, count):
+def test_buildings_hide_targets_where_they_truly_are(change):
     """Every step of every target against shapely, and no detection of a hidden target.
 
     The straight course from the true start, taken for the truth, is wrong in a fifth of the target-steps; in the other
     world, in more.
     """
-    system = make_checked(SectorSetupCity, change)
+    system, count = make_checked(SectorSetupCity, change), 300
     worlds = oracles.worlds(system, count)
     state, rows = system.initial(worlds), np.arange(count)
     start, wrong, detections = state.truth.targets, [], 0
