@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from two_sensors import DRIFT, Coupled, Quick, TwoSensors, variances
 
 from wavegym.core.errors import InputError
-from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin, lookahead, rollout
+from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin, rollout
 from wavegym.schedulers.simple import FEW
 from wavegym.schedulers.tuning import best_fixed
 from wavegym.systems.agile_clutter.system import AgileClutter
@@ -125,24 +125,6 @@ def test_a_systems_own_search_is_used_for_the_unmasked_trace_only(monkeypatch):
         everything = np.ones((200, len(system.candidates())), bool)
         assert (fused.act(belief, None, everything) == want).all()
         assert calls == []
-
-
-def test_a_lookahead_holds_few_beliefs_at_a_time(monkeypatch):
-    held = []
-
-    class Counting(TwoSensors):
-        def predict(self, belief, actions, outcome=None):
-            predicted = super().predict(belief, actions, outcome)
-            held.append(predicted.variance[..., 0].size)
-            return predicted
-
-    policy, belief = ready(Lookahead(3), Counting(), 7)
-    whole = policy.act(belief, None, None)
-    assert max(held) > 200
-    held.clear()
-    monkeypatch.setattr(lookahead, "NODES", 30)
-    assert (policy.act(belief, None, None) == whole).all()
-    assert max(held) <= 30
 
 
 def test_a_lookahead_over_too_many_combinations_is_refused():

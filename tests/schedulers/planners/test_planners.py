@@ -22,7 +22,7 @@ from wavegym.schedulers.planners import (
 from wavegym.schedulers.planners.receding_horizon import neighbours
 from wavegym.schedulers.planners.sampled_futures import SampledFutures, significant
 from wavegym.schedulers.rollout import rollout
-from wavegym.schedulers.simple import Fixed, RandomChoice
+from wavegym.schedulers.simple import Fixed
 
 STEPS = 4
 CERTAIN = DelaySystem(horizon=STEPS, setup=1, budget=2.0, pd=1.0)  # every pulse detects what is visible
@@ -301,9 +301,3 @@ def test_decisions_do_not_depend_on_the_batch_where_nothing_is_drawn():
 def test_bad_numbers_are_one_line_errors(make, said):
     with pytest.raises(InputError, match=said):
         make()
-
-
-def test_random_is_worse_than_every_base_here():
-    system = DelaySystem()
-    worlds = delay_worlds(system, 60)
-    assert rollout(system, RandomChoice(), worlds).mean_cost.mean() > rollout(system, base(), worlds).mean_cost.mean()

@@ -131,17 +131,6 @@ def test_losing_a_track_never_pays():
     assert SYSTEM.cost(nothing) == pytest.approx(2 * SYSTEM.absent)
 
 
-def test_the_cost_is_that_of_the_cheapest_slots():
-    state = played(SYSTEM, f"fixed:{LONG_UP}", 5, stop=100)[-1]
-    _, P = Tracks(*state.belief[1:]).combined()
-    assert SYSTEM.absent == 5.0**2 + 2 * 10.0**2 + 2 * 1.0**2
-    for e in range(5):
-        each = []
-        for r, spread in zip(state.belief.existence[e], P[e], strict=True):
-            each.append(r * min(np.trace(spread), SYSTEM.absent) + (1 - r) * SYSTEM.absent)
-        assert SYSTEM.cost(state.belief)[e] == pytest.approx(sum(sorted(each)[:2]))
-
-
 def test_the_trace_is_that_of_all_tracks_in_use():
     belief = played(SYSTEM, f"fixed:{LONG_UP}", 5, stop=100)[-1].belief
     _, P = Tracks(*belief[1:]).combined()
@@ -180,31 +169,6 @@ def test_observation_is_the_mean_and_deviation_of_the_mixture():
     turning = SYSTEM.observe(belief)[:, [named.index(f"mu_CT_left_{s}") for s in range(1, SYSTEM.slots + 1)]]
     np.testing.assert_array_equal(turning, np.where(there, belief.mu[..., 2], 0.0))
     assert there.any()
-
-
-def test_metrics_are_counted_by_hand():
-    for state in played(SYSTEM, "round-robin", 4)[19::30]:
-        found = SYSTEM.state_info(state)
-        x, P = Tracks(*state.belief[1:]).combined()
-        for e in range(4):
-            sure = np.flatnonzero(state.belief.status[e] == CONFIRMED)
-            assert found["confirmed"][e] == len(sure)
-            false = 0
-            for s in sure:
-                off = np.linalg.norm(state.truth.targets[e, state.truth.present[e], :2] - x[e, s, :2], axis=1)
-                false += off.min() > 20.0
-            assert found["false"][e] == false
-            for g in range(2):
-                off = {s: np.linalg.norm(state.truth.targets[e, g, :2] - x[e, s, :2]) for s in sure}
-                near = min(off, key=off.__getitem__) if off else None
-                held = bool(state.truth.present[e, g]) and near is not None and off[near] <= 20.0
-                assert found["held"][e, g] == held
-                assert found["position_error"][e, g] == pytest.approx(
-                    off[near] if held else 20.0 if state.truth.present[e, g] else 0.0
-                )
-                if held:
-                    d = state.truth.targets[e, g, :4] - x[e, near, :4]
-                    assert found["nees"][e, g] == pytest.approx(d @ np.linalg.solve(P[e, near, :4, :4], d))
 
 
 def test_with_no_track_the_one_step_scheduler_sends_the_longer_pulse():

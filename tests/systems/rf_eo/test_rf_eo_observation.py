@@ -1,18 +1,14 @@
-"""The RF/EO environments by id: observations, info, numbers of platforms, mistakes on the command line."""
+"""What RF/EO platforms observe, and the flag of a threshold out of reach."""
 
 from __future__ import annotations
 
 import gymnasium as gym
-import mistakes
 import numpy as np
 import oracles
 import pytest
 import rf_eo_oracle as plain
 
-import evaluate
 from wavegym.systems.rf_eo.system import RfEo
-
-FORMS = ("library", "joint", "box")
 
 
 @pytest.mark.parametrize(("platforms", "targets", "count"), [(1, 1, 8), (2, 2, 28), (3, 1, 20), (2, 3, 42), (3, 3, 60)])
@@ -51,41 +47,3 @@ def test_a_threshold_out_of_reach_is_flagged_in_info():
         *_, info = env.step(env.action_space.sample())
         assert info["below_threshold"] == flagged
         assert (info["information"] >= threshold) == (not flagged)
-
-
-@pytest.mark.parametrize("action", FORMS)
-@pytest.mark.parametrize("targets", [1, 3])
-@pytest.mark.parametrize("platforms", [1, 3])
-def test_any_number_of_platforms_and_targets(platforms, targets, action):
-    settings = {
-        "platforms": ((-1e3, -1e3), (1e3, -1e3), (0.0, 5e3))[:platforms],
-        "starts": ((0.0, 1.0, 2e3, 3.0), (500.0, 0.0, 900.0, 0.0), (1.0, 2.0, 3.0, 4.0))[:targets],
-        "points": (2, 1, 2), "action": action, "horizon": 3
-    }  # fmt: skip
-    env = gym.make("wavegym/RfEo-v0", **settings)
-    seen, _ = env.reset(seed=1)
-    shapes = {"box": (3 * platforms,), "library": (platforms,), "joint": ()}
-    assert env.action_space.shape == shapes[action]
-    for _ in range(3):
-        seen, reward, *_, info = env.step(env.action_space.sample())
-        assert seen.shape == (targets * (2 + 6 * platforms),)
-        assert np.isfinite(seen).all()
-        assert np.isfinite(reward)
-        assert info["received"].shape == (targets,)
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        ("prf=1e5,1e3", "nearest: (1000, 100000)"),
-        ("bandwidth=0,1e6", "bandwidth.0 is 0"),
-        ("fft_length=2048", "dwell of 2048 pulses"),
-        ("weights=1,-1,1,1", "weights.1 is -1"),
-        ("pixel_angle=1e-5,1e-2", "nearest: 0.00628319"),
-        ("penalty=logistc", "penalty is 'logistc'"),
-        ("platform=0,0", "did you mean 'platforms'"),
-    ],
-)
-def test_on_the_command_line_too(tmp_path, capsys, settings, words):
-    command = ["RfEo-v0", "--out", str(tmp_path), "--worlds", "3", "--jobs", "1", "--set", "horizon=4", settings]
-    mistakes.costs_one_line_and_no_earlier_result(lambda: evaluate.main(command), tmp_path, capsys, words)
