@@ -228,6 +228,83 @@ def test_predictions_and_capabilities_agree_in_every_form_and_world(name, settin
     assert prediction_defect(made(name, settings)) is None
 
 
+WORLDS: tuple[Variant, ...] = (
+    *((name, {"truth": CLUTTER, "tracker": "jpda"}) for name in IN_CLUTTER),
+    *((name, MODERATE) for name in ("KershawEvans", "KershawEvansPosition")),
+    ("KershawEvansPosition", {"truth": {"prior_variance": (9e4, 9e4), "targets": "scripted"}}),
+    ("CameraSlew", {"truth": {**CAMERA, "prior_variance": (900.0, 4.0, 900.0, 4.0)}}),
+    *((name, {"truth": RADAR}) for name in ("RfEo", "RfEoFar")),
+    ("SectorSetup", {"truth": {**SECTOR, "windows": ()}}),
+    ("SectorSetupCity", {"truth": {"q": (0.05, 0.5), "turn_rate": 0.02}}),
+    *((name, {"truth": {"clutter_density": 4e-3, "sigma": 1.0, "fluctuation": "swerling0"}}) for name in (
+        "Urban", "UrbanSignal")),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "settings"), WORLDS, ids=str)
+def test_tracker_and_schedulers_keep_their_assumptions(name, settings):
+    """From one belief and the same measurements all is the same as in the world that is assumed; the targets are not.
+
+    With first errors of another spread, the first covariance is the tracker's all the same.
+    """
+    other, own = made(name, settings), made(name, {**settings, "truth": None})
+    worlds, actions, rng = oracles.worlds(own, 4), drawn(own, 4), np.random.default_rng(1)
+    states, assumed = (played(system, worlds, actions, 12) for system in (other, own))
+    if "covariance" in own.initial(worlds).belief._fields:
+        np.testing.assert_array_equal(states[0].belief.covariance, assumed[0].belief.covariance)
+    assert (states[-1].truth.targets != assumed[-1].truth.targets).any()
+    for state, action in zip(states, actions[:12], strict=False):
+        truth = other.move(state.truth, state.belief.step, worlds)
+        found = other.measure(truth, state.belief, action, worlds)
+        same(*(system.track(state.belief, action, found) for system in (own, other)))
+        draws = rng.random((4, *own.outcome_shape))
+        one, two = (answers(system, state.belief, action, draws) for system in (own, other))
+        for question, answer in one.items():
+            same(answer, two[question])
+
+
+QUIET = {"clutter_density": 0.0}  # no handful of steps sets the mean (docs/consistency_in_clutter.md)
+DRAWN = {"first_estimate": "drawn", "prior_variance": (1e4, 4.0, 1e4, 4.0)}
+MISTAKEN: list[tuple[str, dict[str, Any], dict[str, Any], int]] = [  # what the world differs in, and when it shows
+    ("KershawEvans", {}, {"q": 16.0}, 40),
+    ("KershawEvans", {}, {"reference_range": 200e3}, 40),
+    ("KershawEvans", {"start_covariance": "random"}, {"prior_variance": (9e4, 9e4)}, 1),
+    ("CameraSlew", {}, {"q": (0.32, 32.0)}, 20),
+    ("CameraSlew", {}, {"turn_rate": 0.05}, 20),
+    ("CameraSlew", {}, {"fft_length": 16}, 20),
+    ("CameraSlew", {}, {"bandwidth": 2.5e5}, 20),
+    ("CameraSlew", {}, {"prior_variance": (900.0, 9.0, 900.0, 9.0)}, 2),
+    ("RfEo", DRAWN, {"q": 0.16}, 30),
+    ("RfEo", DRAWN, {"turn_rate": 0.5}, 30),
+    ("RfEo", DRAWN, {"fft_length": 16}, 30),
+    ("RfEo", DRAWN, {"prior_variance": (9e4, 25.0, 9e4, 25.0)}, 1),
+]
+FACTORS = (("q", 4.0, 20), ("prior_variance", 9.0, 2), ("reference_range", 0.6, 20))
+for kind, given, factors in (
+    *((name, QUIET, FACTORS) for name in IN_CLUTTER),
+    *((name, {}, (("q", 4.0, 30), ("prior_variance", 9.0, 3))) for name in ("SectorSetup", "SectorSetupCity")),
+):
+    for key, factor, steps in factors:
+        value = getattr(made(kind, given), key)
+        value = tuple(factor * each for each in value) if isinstance(value, tuple) else factor * value
+        MISTAKEN.append((kind, given, {key: value}, steps))
+    MISTAKEN.append((kind, given, {"turn_rate": 0.05}, 20))
+
+
+@pytest.mark.parametrize(("name", "settings", "truth", "steps"), MISTAKEN, ids=str)
+def test_a_tracker_that_is_not_told_of_the_world_is_overconfident(name, settings, truth, steps):
+    """Mean NEES of the tracks in 200 worlds, within five standard errors of a consistent tracker's, and beyond."""
+    nees = []
+    for more in (truth, {"truth": truth}):
+        system = made(name, {**settings, **more})
+        figures = system.state_info(played(system, oracles.worlds(system, 200), drawn(system, 200), steps)[-1])
+        nees.append(figures["nees"][figures.get("present", np.full(figures["nees"].shape, True))])
+    n = system.nees_dimension
+    error = 5.0 * np.sqrt(2.0 * n / nees[0].size)
+    assert abs(nees[0].mean() - n) < error
+    assert nees[1].mean() > n + error
+
+
 @pytest.mark.parametrize("name", [id.removeprefix("wavegym/")[:-3] for id in SYSTEMS])
 @pytest.mark.parametrize(
     ("truth", "words"),

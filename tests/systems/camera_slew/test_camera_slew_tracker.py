@@ -146,3 +146,13 @@ def test_losing_a_track_never_pays(policy, since):
     np.testing.assert_array_equal(costs[0][:since], costs[1][:since])
     gain = (costs[0] - costs[1])[since:].mean(axis=0)
     assert gain.mean() + 3 * gain.std() / np.sqrt(len(gain)) < 0
+
+
+def test_a_camera_that_finds_nothing_costs_more():
+    costs = []
+    for truth in (None, {"detection": 0.0}):
+        system = CameraSlew(truth=truth)
+        states, _ = play(system, oracles.worlds(system, 40), index_rule(system))
+        costs.append(np.mean([system.cost(state.belief) for state in states]))
+        assert any(state.truth.seen.any() for state in states) == (truth is None)
+    assert costs[1] > 2 * costs[0]
