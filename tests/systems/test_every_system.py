@@ -18,6 +18,8 @@ from wavegym.core.errors import InputError
 from wavegym.core.parameters import parameter_infos
 from wavegym.evaluation.task import make_task
 from wavegym.registration import SYSTEMS
+from wavegym.schedulers.registry import make_policy
+from wavegym.schedulers.rollout import rollout
 from wavegym.testing import check_vector_env
 from wavegym.testing.model_check import prediction_defect
 
@@ -29,6 +31,7 @@ NEAR: dict[str, Any] = {  # targets within the blind ranges of pulses; the secon
     "prior_variance": (4e2, 4e2, 100.0, 100.0), "laws": ("pfm:3", "hfm:0.5"), "durations": (30e-6, 100e-6),
     "sweeps": (4e6,),
 }  # fmt: skip
+IN_CLUTTER = ("AgileClutter", "BeamAllocation", "EnergyBudget", "EnergyBudgetKnown")
 COMING = {"births": (0, 3), "lifetime": 9, "action": "library"}
 FORMS: tuple[Variant, ...] = (
     ("AgileClutter", {"tracker": "jpda", "action": "joint"}),
@@ -124,6 +127,42 @@ def test_candidates_are_a_loop_over_them_bit_for_bit(name, settings):
                 same(system.cost(alone), cost[:, c])
 
 
+@pytest.mark.parametrize("name", [*IN_CLUTTER[1:], "CameraSlew", "SectorSetup", "SectorSetupCity"])
+def test_a_gain_takes_a_wait_for_each_candidate(name):
+    """What it is worth, the tests of each system say."""
+    system = made(name, {})
+    for state in played(system, oracles.worlds(system, 5), drawn(system, 5), system.horizon)[3::9]:
+        wait = np.random.default_rng(2).integers(0, 4, size=(5, len(system.candidates())))
+        each = np.array([system.gain(state.belief, w, 6) for w in range(4)])
+        np.testing.assert_array_equal(
+            system.gain(state.belief, wait, 6), np.take_along_axis(each, wait[None], axis=0)[0]
+        )
+        over = state.belief.step[0] + np.arange(4) >= system.horizon
+        assert not each[over].any()
+    with pytest.raises(InputError, match="ahead is 0, expected an integer >= 1"):
+        system.gain(state.belief, 0, 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*IN_CLUTTER, "CameraSlew", "SectorSetup", "SectorSetupCity"])
+@pytest.mark.parametrize(
+    ("policy", "since"), [("best-simple", 0), ("best-simple", 5), ("best-simple", 20), ("myopic", 5)]
+)
+def test_losing_a_track_never_pays(name, policy, since):
+    """In paired worlds target 1 is not detected from a step on. Policies may then look elsewhere: the cost rises."""
+    system, costs = made(name, {}), []
+    worlds = oracles.worlds(system, 200, 4)
+    field = "found" if hasattr(worlds, "found") else "detection"
+    draws = getattr(worlds, field).copy()
+    draws[:, since:, ..., 0] = 1.0
+    for tape in (worlds, worlds._replace(**{field: draws})):
+        chosen = make_policy(policy, system, None)
+        costs.append(rollout(system, chosen, tape, np.random.default_rng(0)).cost)
+    same(costs[0][:, :since], costs[1][:, :since])
+    rise = np.log(costs[1].sum(axis=1) / costs[0].sum(axis=1))
+    assert rise.mean() > 3.0 * rise.std() / np.sqrt(len(rise))
+
+
 @EVERY
 def test_what_is_chosen_changes_no_world(name, settings):
     """Targets and tapes are the same under other actions, although the belief is not."""
@@ -187,7 +226,6 @@ SECTOR = {
     "false_alarm": 1e-4, "nearest_range": 1500.0, "reference_snr": 40.0, "windows": ((0, 2, 5),),
 }  # fmt: skip
 MODERATE = {"sweeps": (0.0, 0.1e6, -0.1e6), "truth": {"q": 3.0, "reference_range": 280e3}}
-IN_CLUTTER = ("AgileClutter", "BeamAllocation", "EnergyBudget", "EnergyBudgetKnown")
 PARTS: tuple[Variant, ...] = (
     *((name, {"tracker": by, "components": 4, "truth": CLUTTER}) for name in IN_CLUTTER for by in ("jpda", "mixture")),
     *((name, MODERATE) for name in ("KershawEvans", "KershawEvansPosition")),

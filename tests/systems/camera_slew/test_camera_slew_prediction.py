@@ -12,7 +12,6 @@ from camera_episodes import OPEN, SETTLES, azimuth, later, wrap
 from scipy.stats import norm
 
 from wavegym.core import trees
-from wavegym.core.errors import InputError
 from wavegym.systems.camera_slew.system import CameraSlew
 from wavegym.trackers.polar_kernels import to_cartesian
 
@@ -209,9 +208,3 @@ def test_a_gain_needs_sight_and_a_delay_waits_for_it():
     narrow = CameraSlew(horizon=30, windows=((0, 0, 9), (2, 20, 29)), half_field=1e-6)
     for wait, hidden in ((9, [True, False, False, False]), (10, [False] * 4), (20, [False, False, True, False])):
         np.testing.assert_array_equal(narrow.gain(belief, wait, 5) == 0, [hidden] * 4)
-
-
-def test_a_gain_over_no_step_is_refused():
-    state, _ = later(CameraSlew(horizon=3), 1, 0)
-    with pytest.raises(InputError, match="ahead is 0, expected an integer >= 1"):
-        CameraSlew(horizon=3).gain(state.belief, 0, 0)

@@ -8,7 +8,6 @@ import pytest
 from scipy.stats import kstest
 
 import wavegym  # noqa: F401
-from wavegym.core.errors import InputError
 from wavegym.core.system import State
 from wavegym.systems.sector_setup.system import SectorSetup
 
@@ -140,8 +139,3 @@ def test_a_target_on_top_of_a_receiver():
         assert (system.state_info(state)["nees"] >= 0).all()
     eta = seen[:, [e.name for e in system.observation_fields].index("snr_1_1")]
     assert eta.max() <= 10 * np.log10(20 * 5650.0**4 / (500.0 * 2.5e3) ** 2)
-
-
-def test_a_look_ahead_of_no_steps_is_refused():
-    with pytest.raises(InputError, match="ahead is 0"):
-        SYSTEM.gain(SYSTEM.initial(oracles.worlds(SYSTEM, 1)).belief, 0, 0)

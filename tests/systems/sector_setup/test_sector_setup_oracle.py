@@ -196,16 +196,6 @@ def test_gain_is_what_a_look_takes_off_the_costs_to_come(system, wait, ahead):
         np.testing.assert_array_equal(gain[:, c] > 0, belief.visible[:, 35 + wait, c // 2])
 
 
-def test_gain_takes_a_wait_for_each_candidate_and_ends_with_the_episode():
-    state, _, rng = somewhere(SYSTEM, 7, steps=50)
-    wait = rng.integers(0, 15, size=(7, 8))
-    gain = SYSTEM.gain(state.belief, wait, 9)
-    for w in range(15):
-        np.testing.assert_array_equal(gain[wait == w], SYSTEM.gain(state.belief, w, 9)[wait == w])
-    assert (gain[wait >= 10] == 0).all()
-    assert (gain[wait < 10] > 0).any()
-
-
 def test_delay_is_how_long_it_takes():
     state, worlds, _ = somewhere(SYSTEM, 40, steps=11)
     delay = SYSTEM.delay(state.belief)
