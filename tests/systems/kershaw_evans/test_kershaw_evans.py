@@ -8,9 +8,7 @@ import oracles
 import pytest
 from scipy.stats import chi2
 
-from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation import compare
-from wavegym.schedulers.registry import make_policy
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 
 CA = {"model": "ca", "weights": (1.0, 2.0, 0.5), "prior_variance": (1e4, 1e3, 10.0), "q": 3.0}
@@ -69,37 +67,6 @@ def test_first_estimate_is_drawn_with_its_covariance():
     error = (state.belief.mean - state.truth.targets) / np.sqrt(np.diagonal(state.belief.covariance, axis1=1, axis2=2))
     low, high = chi2.ppf([1e-4, 1 - 1e-4], 4000 * 3)
     assert low < np.square(error).sum() < high
-
-
-@pytest.mark.parametrize("kwargs", [{}, CA])
-def test_the_filter_is_consistent(kwargs):
-    """NEES of 600 worlds at every step inside its 95 % bounds, but for about one step in twenty."""
-    system = KershawEvans(**kwargs)
-    worlds = oracles.worlds(system, 600, seed=3)
-    actions = np.random.default_rng(4).integers(len(system.actions), size=(600, system.horizon))
-    means = np.array([system.state_info(state)["nees"].mean() for state in play(system, worlds, actions)])
-    low, high = chi2.ppf([0.025, 0.975], 2 * 600) / 600
-    assert ((means > low) & (means < high)).mean() > 0.8  # steps are correlated, hence not 0.95 sharp
-    low, high = chi2.ppf([0.001, 0.999], 2 * 600) / 600
-    assert low < means[-1] < high
-
-
-@pytest.mark.parametrize("name", ["random", "myopic", "lookahead:2"])
-@pytest.mark.parametrize("cls", [KershawEvans, KershawEvansPosition])
-def test_the_filter_is_consistent_under_every_policy(cls, name):
-    """The squared error of 300 worlds, 2 degrees of freedom each, at every step inside chi-square bounds of 1e-6.
-
-    The mean over the steps has at most the deviation of one step, were all steps one: 2 / sqrt(300).
-    """
-    system, worlds = cls(), 300
-    env, policy = WaveformVectorEnv(system, worlds), make_policy(name, system, None)
-    env.reset(seed=11)
-    policy.begin(system, worlds, np.random.default_rng(3))
-    nees = [env.step(policy.act(env.belief, None, None))[-1]["nees"].mean() for _ in range(system.horizon)]
-    low, high = chi2.ppf([1e-6, 1 - 1e-6], 2 * worlds) / worlds
-    assert low < min(nees)
-    assert max(nees) < high
-    assert abs(np.mean(nees) - 2.0) < 2 * 2 / np.sqrt(worlds)
 
 
 def test_metrics_are_errors_and_mahalanobis_distance():
