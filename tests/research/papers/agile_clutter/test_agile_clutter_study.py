@@ -30,7 +30,6 @@ from research.papers.agile_clutter.study import (
 )
 from research.papers.agile_clutter.table import markdown
 from research.papers.estimates import share_estimate
-from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Fixed, Myopic, Progressive, rollout
 from wavegym.schedulers.tuning import best_fixed
@@ -242,19 +241,3 @@ def test_where_no_run_is_kept_there_are_no_numbers(study):
     text = f"{markdown(summary)}{claims.markdown(check_claims(summary))}"
     assert "nan" not in text
     assert "None" not in text
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        ({"runs": 0}, "runs is 0"),
-        ({"jobs": 0}, "jobs is 0"),
-        ({"root": -1}, "seed is -1"),
-        ({"tuning": 0}, "tuning is 0"),
-        ({"tracker": "kalman"}, "tracker is 'kalman'"),
-    ],
-)
-def test_mistakes_are_found_before_any_run(monkeypatch, settings, words):
-    monkeypatch.setattr(agile_clutter, "_play", None)
-    with pytest.raises(InputError, match=words):
-        play(**{"runs": 1, **settings})
