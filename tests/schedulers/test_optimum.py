@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import oracles
 import pytest
-from scheduler_systems import Ladder, small, small_ca
+from scheduler_systems import small, small_ca
 
 from wavegym.core.errors import InputError
 from wavegym.schedulers import Fixed, Lookahead, Myopic, Optimum, RandomChoice, best_schedule, rollout
@@ -156,8 +156,6 @@ def test_environments_are_planned_independently():
 
 
 def test_what_cannot_be_had_is_refused():
-    with pytest.raises(InputError, match="'optimum' cannot be computed for Ladder"):
-        Optimum().begin(Ladder(), 1, None)
     system = small(2)
     policy = prepared(system, oracles.worlds(system, 1))
     with pytest.raises(InputError, match="given a mask"):

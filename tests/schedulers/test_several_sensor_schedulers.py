@@ -14,7 +14,6 @@ from wavegym.core.errors import InputError
 from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin, rollout
 from wavegym.schedulers.simple import FEW
 from wavegym.schedulers.tuning import best_fixed
-from wavegym.systems.agile_clutter.system import AgileClutter
 
 SYSTEM, JOINT, BOX = (TwoSensors(action=form) for form in ("library", "joint", "box"))
 ALL = [[i, j] for i in range(3) for j in range(3)]
@@ -125,17 +124,6 @@ def test_a_systems_own_search_is_used_for_the_unmasked_trace_only(monkeypatch):
         everything = np.ones((200, len(system.candidates())), bool)
         assert (fused.act(belief, None, everything) == want).all()
         assert calls == []
-
-
-def test_a_lookahead_over_too_many_combinations_is_refused():
-    system = AgileClutter()
-    Lookahead(1).begin(system, 1, None)
-    with pytest.raises(InputError, match=r"5184\^2 sequences.*\(nearest: 1\); action='joint'"):
-        Lookahead(2).begin(system, 1, None)
-    joint = AgileClutter(action="joint")
-    Lookahead(3).begin(joint, 1, None)
-    with pytest.raises(InputError, match=r"64\^4 sequences.*\(nearest: 3\)$"):
-        Lookahead(4).begin(joint, 1, None)
 
 
 def test_a_lookahead_over_combinations_is_no_dearer_than_one_step_predicts():
