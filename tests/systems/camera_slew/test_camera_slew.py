@@ -1,4 +1,4 @@
-"""The camera that has to turn: limits and blindness, windows, spreads."""
+"""The camera that has to turn: limits and blindness, spreads."""
 
 from __future__ import annotations
 
@@ -55,21 +55,6 @@ def test_turning_keeps_its_limits(settle):
 @pytest.mark.slow
 def test_turning_keeps_its_limits_in_a_million_steps():
     limits_hold(CameraSlew(horizon=500), 2000, seed=1)
-
-
-def test_windows_are_observed():
-    """Whether each target is in sight, and for how long, at most ten steps; no target is at the episode's end."""
-    system = CameraSlew(horizon=30, windows=((0, 0, 3), (2, 25, 29)))
-    state, worlds = later(system, 2, 0)
-    names = [element.name for element in system.observation_fields]
-    for k in range(31):
-        observed = dict(zip(names, system.observe(state.belief)[0], strict=True))
-        sight = [k < 30 and not (t == 0 and k <= 3) and not (t == 2 and k >= 25) for t in range(4)]
-        changes = [4 - k if k <= 3 else min(30 - k, 10), min(30 - k, 10), min(25 - k, 10) if k < 25 else 10]
-        assert [observed[f"visible_{t}"] for t in range(1, 5)] == sight
-        if k < 30:
-            assert [observed[f"changes_{t}"] for t in range(1, 4)] == changes
-            state = system.transition(state, np.zeros(2, int), worlds)
 
 
 def test_spreads_observed_are_those_with_the_targets_own_noise():

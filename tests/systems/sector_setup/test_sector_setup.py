@@ -86,16 +86,8 @@ def test_starts():
     np.testing.assert_array_equal(belief.covariance[3, 2], np.diag(SYSTEM.prior_variance))
 
 
-def test_given_windows_replace_drawn_ones():
-    system = SectorSetup(windows=((2, 5, 9), (0, 0, 59)))
-    visible = system.initial(oracles.worlds(system, 3)).belief.visible
-    assert not visible[:, :, 0].any()
-    assert not visible[:, 5:10, 2].any()
-    assert visible.sum() == 3 * (4 * 60 - 60 - 5)
-
-
 def test_observation():
-    """Time, set-up, visibility and its change, counted independently; usual values lie within the bounds."""
+    """Time, set-up and spreads, counted independently; usual values lie within the bounds."""
     worlds, rng = oracles.worlds(SYSTEM, 60), np.random.default_rng(0)
     state, column = SYSTEM.initial(worlds), {e.name: i for i, e in enumerate(SYSTEM.observation_fields)}
     centre, scale = (np.array([getattr(e, name) for e in SYSTEM.observation_fields]) for name in ("centre", "scale"))
@@ -105,16 +97,11 @@ def test_observation():
         assert (np.abs((seen - centre) / scale) < 10).all()
         np.testing.assert_allclose(seen[:, column["time_left"]], 1 - k / 60)
         np.testing.assert_array_equal(seen[:, column["dead_steps"]], belief.dead)
-        coming = np.pad(belief.visible, ((0, 0), (0, 11), (0, 0)))[:, k : k + 11]
         for t in range(4):
-            now = coming[:, 0, t]
-            differs = coming[:, :10, t] != now[:, None]
-            change = np.where(differs.any(axis=1), differs.argmax(axis=1), 10)
             F, Q = SYSTEM.motion.F, belief.q[:, t, None, None] * SYSTEM.motion.Q
             P = F @ belief.covariance[:, t] @ F.T + Q
             want = {
-                "set_up": belief.pointed == t, "visible": now, "changes": change,
-                "soon_visible": coming[:, :10, t].mean(axis=1), "log10_q": np.log10(belief.q[:, t]),
+                "set_up": belief.pointed == t, "log10_q": np.log10(belief.q[:, t]),
                 "log10_sigma_position": np.log10(P[:, 0, 0] + P[:, 2, 2]) / 2,
                 "log10_sigma_velocity": np.log10(P[:, 1, 1] + P[:, 3, 3]) / 2,
             }  # fmt: skip
