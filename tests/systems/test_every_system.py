@@ -351,7 +351,7 @@ class Times(float):
 
 QUIET = {"clutter_density": 0.0}  # no handful of steps sets the mean (docs/consistency_in_clutter.md)
 DRAWN = {"first_estimate": "drawn", "prior_variance": (1e4, 4.0, 1e4, 4.0)}
-MISTAKEN: list[tuple[str, dict[str, Any], dict[str, Any], int]] = [  # what the world differs in, and when it shows
+MISTAKEN: list[Any] = [  # what the world differs in, and when it shows
     ("KershawEvans", {}, {"q": 16.0}, 40),
     ("KershawEvans", {}, {"reference_range": 200e3}, 40),
     ("KershawEvans", {"start_covariance": "random"}, {"prior_variance": (9e4, 9e4)}, 1),
@@ -367,8 +367,10 @@ MISTAKEN: list[tuple[str, dict[str, Any], dict[str, Any], int]] = [  # what the 
     *((name, QUIET, {"turn_rate": 0.05}, 20) for name in IN_CLUTTER),
     *((name, QUIET, {key: Times(factor)}, steps) for name in IN_CLUTTER
       for key, factor, steps in (("q", 4.0, 20), ("prior_variance", 9.0, 2), ("reference_range", 0.6, 20))),
-    *((name, {}, truth, steps) for name in ("SectorSetup", "SectorSetupCity") for truth, steps in (
-        ({"turn_rate": 0.05}, 20), ({"q": Times(4.0)}, 30), ({"prior_variance": Times(9.0)}, 3))),
+    *(pytest.param(name, {}, truth, steps, marks=mark)
+      for name, mark in (("SectorSetup", ()), ("SectorSetupCity", pytest.mark.slow))
+      for truth, steps in (
+          ({"turn_rate": 0.05}, 20), ({"q": Times(4.0)}, 30), ({"prior_variance": Times(9.0)}, 3))),
 ]  # fmt: skip
 
 

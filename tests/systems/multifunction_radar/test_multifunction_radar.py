@@ -224,6 +224,7 @@ def test_simulated_futures_are_those_of_predict_and_the_rule():
     assert abs(got - want.mean()) < 4.0 * np.sqrt(2.0) * error
 
 
+@pytest.mark.slow
 def test_gospa_is_that_of_the_reported_tracks():
     """At each of 60 dwells, in the worlds whose figures are due there."""
     system = MultifunctionRadar(targets=5.0, sample=0.07)
