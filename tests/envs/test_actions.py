@@ -180,6 +180,7 @@ def test_the_single_environment_refuses_masked_actions():
     env.step(0)
 
 
+@pytest.mark.slow
 def test_what_is_handed_out_is_the_callers_own():
     settings = {"render_mode": "rgb_array"}
     env, twin = (WaveformVectorEnv(LIBRARY, 2, **settings) for _ in range(2))

@@ -85,6 +85,7 @@ def test_every_step_is_dummy_vec_envs(name: str) -> None:
     assert ended == 23 // SETTINGS[name].get("max_episode_steps", ours.batch.system.horizon) * COUNT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SETTINGS)
 def test_ppo_learns_the_same_weights(name: str) -> None:
     ours, theirs = (ppo(envs) for envs in both(name))

@@ -148,6 +148,7 @@ def test_the_account_shows_the_energy_left_and_the_occluded_slots(system):
     assert len(scene._account.patches) == occluded.sum()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*HumanRendering wrapper is being applied")
 def test_a_window_shows_the_frames(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")  # a virtual display
