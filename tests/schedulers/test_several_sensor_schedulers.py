@@ -79,6 +79,7 @@ def test_random_is_uniform_over_all_combinations():
     assert np.square(tally - 1000).sum() / 1000 < chi2.ppf(1 - 1e-6, 8)
 
 
+@pytest.mark.slow
 def test_random_draws_every_sensor_apart_and_keeps_to_a_mask_of_combinations():
     system = TwoSensors(durations=tuple(np.geomspace(1e-7, 1e-5, 40).tolist()))
     assert len(system.candidates()) == 1600 > FEW
