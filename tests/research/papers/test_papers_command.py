@@ -103,6 +103,7 @@ def test_an_interrupted_command_keeps_what_is_done(tmp_path, capsys, monkeypatch
     assert capsys.readouterr().err.startswith("error: ")
 
 
+@pytest.mark.slow
 def test_a_stored_run_is_not_played_again(tmp_path, monkeypatch):
     """Every paper continues after an interruption."""
     monkeypatch.setattr(urban_study, "CASES", urban_study.CASES[:1])

@@ -120,8 +120,8 @@ def test_without_intervals_every_claim_is_undecided(paper, summary):
 
 
 @pytest.mark.parametrize("name", ["rf_eo", "urban"])
-def test_a_single_run_has_no_interval_and_no_verdict(name, request):
-    played = request.getfixturevalue(f"{name}_study")
+def test_a_single_run_has_no_interval_and_no_verdict(name, rf_eo_study, urban_study):
+    played = {"rf_eo": rf_eo_study, "urban": urban_study}[name]
     one = {case: type(runs)(*(array[:1] for array in runs)) for case, runs in played.runs.items()}
     summary = {"rf_eo": rf_eo_numbers, "urban": urban_numbers}[name].summarise(replace(played, runs=one))
     rows = load(name).check_claims(summary)

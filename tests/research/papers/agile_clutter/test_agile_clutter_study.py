@@ -70,6 +70,7 @@ def test_every_policy_meets_the_same_worlds_in_every_setting(study):
     assert [np.flatnonzero(column)[[0, -1]].tolist() for column in present.T] == [[0, 24], [7, 31]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clutter", ["clutter", "no clutter"])
 @pytest.mark.parametrize("policy", [FULL, FREE, "agile LFM", BEST_FIXED])
 def test_runs_are_those_of_the_system(study, clutter, policy):
