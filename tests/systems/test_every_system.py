@@ -21,7 +21,6 @@ from wavegym.envs import WaveformVectorEnv
 from wavegym.evaluation.task import make_task
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.registry import make_policy
-from wavegym.schedulers.rollout import rollout
 from wavegym.testing import check_vector_env
 from wavegym.testing.model_check import prediction_defect
 
@@ -145,26 +144,6 @@ def test_a_gain_takes_a_wait_for_each_candidate(name):
         assert not each[over].any()
     with pytest.raises(InputError, match="ahead is 0, expected an integer >= 1"):
         shortcuts.gain(system, state.belief, 0, 0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [*IN_CLUTTER, "CameraSlew", "SectorSetup", "SectorSetupCity"])
-@pytest.mark.parametrize(
-    ("policy", "since"), [("best-simple", 0), ("best-simple", 5), ("best-simple", 20), ("myopic", 5)]
-)
-def test_losing_a_track_never_pays(name, policy, since):
-    """In paired worlds target 1 is not detected from a step on. Policies may then look elsewhere: the cost rises."""
-    system, costs = made(name, {}), []
-    worlds = oracles.worlds(system, 200, 4)
-    field = "found" if hasattr(worlds, "found") else "detection"
-    draws = getattr(worlds, field).copy()
-    draws[:, since:, ..., 0] = 1.0
-    for tape in (worlds, worlds._replace(**{field: draws})):
-        chosen = make_policy(policy, system, None)
-        costs.append(rollout(system, chosen, tape, np.random.default_rng(0)).cost)
-    same(costs[0][:, :since], costs[1][:, :since])
-    rise = np.log(costs[1].sum(axis=1) / costs[0].sum(axis=1))
-    assert rise.mean() > 3.0 * rise.std() / np.sqrt(len(rise))
 
 
 @EVERY
@@ -320,11 +299,11 @@ CONSISTENT: list[tuple[str, dict[str, Any], str, int]] = [
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "settings", "policy", "count"), CONSISTENT, ids=str)
 def test_the_tracker_is_consistent_in_every_step(name, settings, policy, count):
-    """Mean NEES within 5 standard errors in each step, and within 4 of one step's over all steps.
+    """Mean NEES within 5 standard errors in each step; over all steps, within 2 of one step's or within 10 %.
 
-    The errors of one step have the chi-square distribution; over the steps they may be wholly correlated: of short
-    episodes 20 % of the steps may lie outside their 95 % bounds, of long ones 8 %. The first estimates of RfEo are the
-    paper's, no draws from P0: there the first ten steps are left out.
+    The errors of one step have the chi-square distribution; over the steps they may be wholly correlated: of the short
+    episodes of KershawEvans 20 % of the steps may lie outside their 95 % bounds, of others 8 %. The first estimates of
+    RfEo are the paper's, no draws from P0: there the first ten steps are left out, and the mean is held to 4.
     """
     system = made(name, settings)
     n, env, chosen = system.nees_dimension, WaveformVectorEnv(system, count), make_policy(policy, system, None)
@@ -334,14 +313,14 @@ def test_the_tracker_is_consistent_in_every_step(name, settings, policy, count):
     nees = np.reshape(nees[10:] if name == "RfEo" else nees, (-1, count * nees[0][0].size))
     means, values = nees.mean(axis=1), nees.shape[1]
 
-    def bounds(share):
-        return chi2.ppf([0.5 * (1.0 - share), 0.5 * (1.0 + share)], n * values) / values
+    def inside(share):
+        low, high = chi2.ppf([0.5 * (1.0 - share), 0.5 * (1.0 + share)], n * values) / values
+        return (means > low) & (means < high)
 
-    for found, share in ((means, 1.0 - 6e-7), (means.mean(), 1.0 - 6e-5)):
-        low, high = bounds(share)
-        assert ((found > low) & (found < high)).all(), found
-    low, high = bounds(0.95)
-    assert ((means < low) | (means > high)).mean() <= (0.08 if len(means) > 100 else 0.2)
+    assert inside(1.0 - 6e-7).all(), means
+    assert inside(0.95).mean() >= (0.8 if "Kershaw" in name else 0.92)
+    error = np.sqrt(2.0 * n / values)
+    assert abs(means.mean() - n) < {"RfEo": 4.0 * error, "RfEoFar": 0.1 * n}.get(name, 2.0 * error)
 
 
 class Times(float):
@@ -378,17 +357,21 @@ MISTAKEN: list[Any] = [  # what the world differs in, and when it shows
 
 @pytest.mark.parametrize(("name", "settings", "truth", "steps"), MISTAKEN, ids=str)
 def test_a_tracker_that_is_not_told_of_the_world_is_overconfident(name, settings, truth, steps):
-    """Mean NEES of the tracks in 200 worlds, within five standard errors of a consistent tracker's, and beyond."""
-    own, nees = made(name, settings), []
+    """Mean NEES within five standard errors of a consistent tracker's, and beyond."""
+    own, nees, costs = made(name, settings), [], []
     truth = {key: value.of(getattr(own, key)) if isinstance(value, Times) else value for key, value in truth.items()}
+    count = {"KershawEvans": 500, "CameraSlew": 200, "RfEo": 200}.get(name, 300)
     for more in (truth, {"truth": truth}):
         system = made(name, {**settings, **more})
-        figures = system.state_info(played(system, oracles.worlds(system, 200), drawn(system, 200), steps)[-1])
+        state = played(system, oracles.worlds(system, count), drawn(system, count), steps)[-1]
+        figures = system.state_info(state)
         nees.append(figures["nees"][figures.get("present", np.full(figures["nees"].shape, True))])
+        costs.append(system.cost(state.belief).mean())
     n = system.nees_dimension
     error = 5.0 * np.sqrt(2.0 * n / nees[0].size)
     assert abs(nees[0].mean() - n) < error
-    assert nees[1].mean() > n + error
+    assert nees[1].mean() > (5.0 if name in ("CameraSlew", "SectorSetup", "SectorSetupCity") else n + error)
+    assert costs[0] > costs[1] or name != "KershawEvans"
 
 
 @pytest.mark.parametrize("name", [id.removeprefix("wavegym/")[:-3] for id in SYSTEMS])

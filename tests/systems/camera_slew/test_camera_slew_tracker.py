@@ -1,4 +1,4 @@
-"""The tracker of the turning camera: long coasting, looks that find nothing, consistency.
+"""The tracker of the turning camera: long coasting, looks that find nothing, consistency, the price of a lost track.
 
 Oracles: the linear recursion of Cartesian moments, a grid over the azimuth, and the chi-square distribution.
 """
@@ -139,3 +139,20 @@ def test_a_camera_that_finds_nothing_costs_more():
         costs.append(np.mean([system.cost(state.belief) for state in states]))
         assert any(state.truth.seen.any() for state in states) == (truth is None)
     assert costs[1] > 2 * costs[0]
+
+
+@pytest.mark.parametrize("policy", [index_rule, myopic])
+@pytest.mark.parametrize("since", [0, 20, 40])
+def test_losing_a_track_never_pays(policy, since):
+    """Paired worlds in which the camera never finds target 1 from a step on: the cost rises."""
+    system = CameraSlew()
+    worlds = oracles.worlds(system, 100, 4)
+    found = worlds.found.copy()
+    found[:, since:, 0] = 1.0
+    costs = []
+    for tape in (worlds, worlds._replace(found=found)):
+        states, _ = play(system, tape, policy(system))
+        costs.append(np.array([system.cost(state.belief) for state in states[1:]]))
+    np.testing.assert_array_equal(costs[0][:since], costs[1][:since])
+    gain = (costs[0] - costs[1])[since:].mean(axis=0)
+    assert gain.mean() + 3 * gain.std() / np.sqrt(len(gain)) < 0

@@ -1,4 +1,4 @@
-"""A weaker radar, and targets that hide, of which nobody is told."""
+"""A weaker radar, and targets that hide, of which nobody is told; and that a lost track never pays."""
 
 from __future__ import annotations
 
@@ -50,3 +50,30 @@ def test_targets_hide_where_nobody_expects_it(name):
     assert sum(state.truth.detections.sum() for state in states) == 0
     np.testing.assert_array_equal(states[0].belief.visible, system.initial(worlds).belief.visible)
     assert states[0].belief.visible.any()
+
+
+@EVERY
+@pytest.mark.parametrize("k", [10, 30])
+def test_losing_a_track_never_pays(name, k):
+    """Pairs of worlds, in one of which target 1 is not detected from step k on: the mean cost of no step falls.
+
+    With the same actions, and with a heuristic that may spend its looks elsewhere: there by two standard errors.
+    """
+    system = SYSTEMS[name]
+    worlds = oracles.worlds(system, 300)
+    deaf = worlds.detection.copy()
+    deaf[:, k:, :, 0] = 1.0
+    lost = worlds._replace(detection=deaf)
+    whole, adapted, same = play(system, worlds), play(system, lost), [system.initial(lost)]
+    rule = CostOfDelay(alpha=0.0, ahead=18)
+    rule.begin(system, 300, np.random.default_rng(0))
+    for state in whole[:-1]:
+        same.append(system.transition(same[-1], rule.act(state.belief, None, None), lost))
+    kept = np.array([system.cost(state.belief) for state in whole])
+    for states, standard_errors in ((same, 0.0), (adapted, 2.0)):
+        rise = np.array([system.cost(state.belief) for state in states]) - kept
+        assert (rise[: k + 1] == 0.0).all()
+        error = rise.std(axis=1) / np.sqrt(300)
+        assert (rise.mean(axis=1) >= -standard_errors * error).all()
+        total = rise.sum(axis=0)
+        assert total.mean() > 4 * total.std() / np.sqrt(300)
