@@ -87,9 +87,11 @@ def test_a_tracker_of_ones_own_plays_as_the_compiled_one(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_shortcuts_hold_with_a_tracker_of_ones_own(kind):
+@pytest.mark.parametrize("tracker", ["particle", Associating()])
+def test_the_shortcuts_are_checked_with_other_trackers(kind, tracker):
     last = 13 if kind is AgileClutter else kind().lifetime
-    assert shortcut_defect(kind(tracker=Associating(), horizon=last, truth={"clutter_density": 2e-5})) is None
+    system = kind(tracker=tracker, particles=10, horizon=last, truth={"clutter_density": 2e-5})
+    assert shortcut_defect(system) is None
 
 
 def test_the_order_of_returns_does_not_tell_their_origin():
