@@ -176,11 +176,6 @@ def test_a_memory_of_another_form_is_refused(memory, message) -> None:
         env.step(np.zeros(2, np.int64))
 
 
-def test_what_is_no_tracker_is_refused() -> None:
-    with pytest.raises(InputError, match="tracker is 5, expected an object with predict"):
-        gym.make(ID, tracker=5)
-
-
 def test_pulses_of_ones_own() -> None:
     """A library of generalised chirps in place of Gaussian ones; schedulers try these. No warning is raised."""
     pulses = tuple(TrapezoidChirp(kind=kind, duration=100e-6, sweep=1e6) for kind in ("lfm", "hfm", "efm"))

@@ -7,6 +7,7 @@ from delay_systems import DelaySystem, delay_worlds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_systems import Burner
+from two_sensors import TwoSensors
 
 from wavegym.core import trees
 from wavegym.core.errors import InputError
@@ -34,11 +35,25 @@ WRONG_POINTS = {
     "objects": (np.array([[None, 0], [0, 0]]), "action has the type object, expected numbers"),
 }
 
+WRONG_PAIRS = {
+    "too large": (np.array([[0, 3], [0, 0]]), r"action of sensor 2 is 3, expected an index in \[0, 2\] \(nearest: 2\)"),
+    "negative": (
+        np.array([[0, 0], [-1, 9]]),
+        r"action of sensor 1 is -1, expected an index in \[0, 2\] \(nearest: 0\)",
+    ),
+    "not an integer": (np.array([[0.0, 1.0]] * 2), r"action has the type float64, expected integers in \[0, 2\]"),
+    "truth values": (np.array([[True, False]] * 2), "action has the type bool"),
+    "flat": (np.array([0, 1]), r"actions have the shape \(2,\), expected \(2, 2\): one index for each sensor"),
+    "one too few": (np.array([[0, 1]]), r"actions have the shape \(1, 2\), expected \(2, 2\)"),
+    "a sensor too many": (np.zeros((2, 3), int), r"actions have the shape \(2, 3\), expected \(2, 2\)"),
+}
+WRONG = ((LIBRARY, WRONG_INDICES), (BOX, WRONG_POINTS), (TwoSensors(), WRONG_PAIRS))
+
 
 @pytest.mark.parametrize(
     ("system", "wrong", "message"),
-    [(LIBRARY, *case) for case in WRONG_INDICES.values()] + [(BOX, *case) for case in WRONG_POINTS.values()],
-    ids=[*WRONG_INDICES, *(f"box, {name}" for name in WRONG_POINTS)],
+    [(system, *case) for system, cases in WRONG for case in cases.values()],
+    ids=[f"{type(system).__name__}, {name}" for system, cases in WRONG for name in cases],
 )
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
 def test_a_wrong_action_changes_nothing(system, wrong, message, mode):
@@ -68,16 +83,23 @@ def test_a_wrong_action_at_an_autoreset_leaves_the_finished_episode_in_place():
         assert difference(env.step(np.array([5, 5])), twin.step(np.array([5, 5]))) is None
 
 
-def test_the_single_environment_refuses_as_the_vector_one_does():
-    env = WaveformEnv(LIBRARY)
+@pytest.mark.parametrize(
+    ("system", "refused", "taken"),
+    [
+        (LIBRARY, (56, -1, 0.5, None, [1, 2], np.nan), (3, np.int64(3), np.array(3), np.uint8(3))),
+        (TwoSensors(), (1, [0], [0, 3], [-1, 0], [0.0, 1.0], None), ([2, 0], (2, 0), np.array([2, 0], np.uint8))),
+    ],
+)
+def test_the_single_environment_refuses_as_the_vector_one_does(system, refused, taken):
+    env = WaveformEnv(system)
     env.reset(seed=0)
     before = env.batch.episodes.state.belief
-    for wrong in (56, -1, 0.5, None, [1, 2], np.nan):
+    for wrong in refused:
         with pytest.raises(InputError):
             env.step(wrong)
     assert env.batch.episodes.state.belief is before
-    for right in (3, np.int64(3), np.array(3), np.uint8(3)):
-        assert env.step(right)[-1]["waveform"] == 3
+    for right in taken:
+        np.testing.assert_array_equal(env.step(right)[-1]["waveform"], taken[0])
 
 
 @settings(max_examples=40)
@@ -158,6 +180,7 @@ def test_the_single_environment_refuses_masked_actions():
     env.step(0)
 
 
+@pytest.mark.slow
 def test_what_is_handed_out_is_the_callers_own():
     settings = {"render_mode": "rgb_array"}
     env, twin = (WaveformVectorEnv(LIBRARY, 2, **settings) for _ in range(2))

@@ -1,4 +1,4 @@
-"""The three autoreset modes and partial resets, spelled out."""
+"""Autoreset modes and partial resets: what they refuse. What they return is in test_vector_equals_sync.py."""
 
 import gymnasium as gym
 import numpy as np
@@ -35,43 +35,10 @@ def test_the_mode_is_an_enum_in_the_metadata_of_each_environment_alone():
     assert "autoreset_mode" not in WaveformVectorEnv.metadata
 
 
-def test_next_step_resets_one_while_the_other_goes_on():
-    env, (_, _, terminated, _, _) = out_of_step("NextStep")
-    assert terminated.tolist() == [False, True]
-    twin, _ = out_of_step("Disabled")
-    want = twin.episodes.system.transition(twin.episodes.state, np.array([7, 7]), twin.world)
-    observations, rewards, terminated, truncated, info = env.step(np.array([7, 7]))
-    assert env.belief.step.tolist() == [HORIZON, 0]
-    assert terminated.tolist() == [True, False]
-    assert not truncated.any()
-    assert rewards[0] == -env.system.cost(want.belief)[0]
-    assert rewards[1] == 0.0
-    assert info["_waveform"].tolist() == [True, False]
-    assert info["_cost"].tolist() == [True, True]
-    assert observations[1, -1] == pytest.approx((1.0 - 0.5) / 0.3, rel=1e-6)  # the whole time is left
-
-
 def test_the_action_of_a_resetting_environment_is_ignored_whatever_it_is():
     one, two = (out_of_step("NextStep")[0] for _ in range(2))
     for got, want in zip(one.step(np.array([7, -99]))[:4], two.step(np.array([7, 0]))[:4], strict=True):
         assert (got == want).all()
-
-
-def test_same_step_puts_the_last_observation_and_info_aside():
-    _, (last, rewards, *_) = out_of_step("Disabled")
-    env, (observations, again, terminated, _, info) = out_of_step("SameStep")
-    assert (again == rewards).all()
-    assert terminated.tolist() == [False, True]
-    assert env.belief.step.tolist() == [HORIZON - 1, 0]
-    assert info["final_obs"][0] is None
-    assert (info["final_obs"][1] == last[1]).all()
-    assert (observations[0] == last[0]).all()
-    assert (observations[1] != last[1]).any()
-    assert info["_final_info"].tolist() == [False, True]
-    assert info["final_info"]["cost"][1] == -rewards[1]
-    assert info["final_info"]["_waveform"].tolist() == [False, True]
-    assert info["_waveform"].tolist() == [True, False]
-    assert info["cost"][1] == env.system.cost(env.belief)[1]
 
 
 def test_disabled_refuses_a_step_past_the_end_and_stays_as_it_was():
@@ -82,20 +49,6 @@ def test_disabled_refuses_a_step_past_the_end_and_stays_as_it_was():
     assert env.episodes.state.belief is before
     env.reset(options={"reset_mask": np.array([False, True])})
     assert env.step(np.array([0, 0]))[2].tolist() == [True, False]
-
-
-def test_a_partial_reset_leaves_the_others_and_the_callers_options_alone():
-    env = make("Disabled", 3)
-    env.reset(seed=0)
-    before, *_ = env.step(np.array([1, 2, 3]))
-    options = {"reset_mask": np.array([False, True, False])}
-    observations, info = env.reset(seed=[None, 9, None], options=options)
-    assert list(options) == ["reset_mask"]
-    assert options["reset_mask"].tolist() == [False, True, False]
-    assert (observations[[0, 2]] == before[[0, 2]]).all()
-    assert (observations[1] == make("Disabled", 3).reset(seed=8)[0][1]).all()
-    assert info["_cost"].tolist() == [False, True, False]
-    assert info["cost"][0] == 0.0
 
 
 def test_a_partial_reset_remembers_which_others_have_ended():

@@ -32,7 +32,9 @@ class Pair(NamedTuple):
     new: Any
 
 
-@pytest.mark.parametrize("env_id", wavegym.list_envs())
+@pytest.mark.parametrize(
+    "env_id", [pytest.param(id, marks=[pytest.mark.slow] * ("City" in id)) for id in wavegym.list_envs()]
+)
 def test_threads_change_no_bit(env_id: str) -> None:
     """Past the ends of episodes; five environments in three threads make chunks of unequal size."""
     settings = {**BRIEF.get(env_id, {}), **SETTINGS.get(env_id.split("/")[1].removesuffix("-v0"), {})}

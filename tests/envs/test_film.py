@@ -2,7 +2,6 @@
 
 import pickle
 from dataclasses import dataclass
-from itertools import pairwise
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scene_plays import moment_of, played
 
 import wavegym
 from wavegym.core.system import ObservationField, State, System
@@ -25,19 +25,6 @@ from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosit
 from wavegym.waveforms import GaussianChirp
 
 SYSTEM = KershawEvansPosition(horizon=12)
-
-
-def filmed(steps, system=SYSTEM, num_envs=1, render_mode="rgb_array", **settings):
-    env = WaveformVectorEnv(system, num_envs, render_mode=render_mode, **settings)
-    env.action_space.seed(0)
-    env.reset(seed=0)
-    for _ in range(steps):
-        env.step(env.action_space.sample())
-    return env
-
-
-def moment_of(env, row=0):
-    return env._film._moment(row)
 
 
 @dataclass(frozen=True)
@@ -73,7 +60,7 @@ class Dial(System):
 
 @pytest.mark.slow
 def test_a_frame_is_an_rgb_picture_with_even_sides():
-    frames = filmed(3, num_envs=2).render()
+    frames = played(SYSTEM, 3, num_envs=2).render()
     assert len(frames) == 2
     for frame in frames:
         assert frame.shape == (640, 960, 3)
@@ -83,32 +70,13 @@ def test_a_frame_is_an_rgb_picture_with_even_sides():
 
 
 def test_without_a_render_mode_there_is_no_frame():
-    assert filmed(1, render_mode=None).render() is None
+    assert played(SYSTEM, 1, render_mode=None).render() is None
     assert WaveformEnv(SYSTEM).render() is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("action", ["library", "box"])
-def test_the_same_episode_gives_the_same_pixels_whatever_was_drawn_before(action):
-    system = KershawEvansPosition(horizon=12, action=action)
-    env = filmed(0, system)
-    env.action_space.seed(0)
-    drawn = [env.render()[0]]
-    for _ in range(5):
-        env.step(env.action_space.sample())
-        drawn.append(env.render()[0])
-    env.reset(seed=0)
-    assert (env.render()[0] == drawn[0]).all()
-    for steps in (2, 5):
-        fresh = filmed(steps, system)
-        assert (fresh.render()[0] == drawn[steps]).all()
-        assert (pickle.loads(pickle.dumps(fresh)).render()[0] == drawn[steps]).all()
-    assert all((one != two).any() for one, two in pairwise(drawn))
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
 def test_the_film_follows_each_environment_through_its_resets(mode):
-    env = filmed(2, KershawEvansPosition(horizon=4), 2, autoreset_mode=mode)
+    env = played(KershawEvansPosition(horizon=4), 2, num_envs=2, autoreset_mode=mode)
     env.reset(options={"reset_mask": np.array([True, False])})
     for k in range(6):
         if mode == "Disabled" and env._ended.any():
@@ -125,20 +93,20 @@ def test_the_film_follows_each_environment_through_its_resets(mode):
 
 
 def test_the_headline_names_step_waveform_and_cost():
-    env = filmed(0)
+    env = played(SYSTEM, 0)
     assert headline(moment_of(env)).startswith("KershawEvansPosition, step 0 of 12   ·   cost ")
     _, _, _, _, info = env.step(np.array([33]))
     text = headline(moment_of(env))
     assert "step 1 of 12" in text
     assert "transmitted: up 69.83 us 1 MHz" in text
     assert text.endswith(f"cost {info['cost'][0]:.4g}")
-    boxed = filmed(0, KershawEvansPosition(action="box"))
+    boxed = played(KershawEvansPosition(action="box"), 0)
     boxed.step(np.array([[1.0, -1.0]]))
     assert "duration 300 us, sweep -1 MHz" in headline(moment_of(boxed))
 
 
 def test_the_predicted_costs_show_why_a_waveform_was_chosen():
-    env = filmed(5)
+    env = played(SYSTEM, 5)
     myopic = Myopic()
     myopic.begin(env.system, 1, np.random.default_rng(0))
     before, best = env.belief, myopic.act(env.belief, None, None)
@@ -157,7 +125,7 @@ def test_the_predicted_costs_show_why_a_waveform_was_chosen():
 
 
 def test_the_choices_panel_has_a_row_for_every_waveform_used():
-    env = filmed(0)
+    env = played(SYSTEM, 0)
     for index in (5, 33, 5, 12):
         env.step(np.array([index]))
     axes = Figure().subplots()
@@ -224,7 +192,7 @@ def test_a_scene_can_be_registered_for_a_class_of_ones_own():
     "settings", [{"model": "ca", "weights": (1, 0, 0), "prior_variance": (1e4, 1e4, 10)}, {"q": 0.0}]
 )
 def test_other_models_are_drawn_too(settings):
-    assert filmed(3, KershawEvans(**settings)).render()[0].std() > 10
+    assert played(KershawEvans(**settings), 3).render()[0].std() > 10
 
 
 @pytest.mark.slow

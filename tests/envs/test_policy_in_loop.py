@@ -20,7 +20,7 @@ CASES = [
     (POSITION, "lookahead:2"),
     (POSITION, "best-fixed"),  # tuned
     (POSITION, "optimum"),  # clairvoyant
-    (CAMERA, "cost-of-delay"),
+    pytest.param(CAMERA, "cost-of-delay", marks=pytest.mark.slow),  # tuned
     (CAMERA, "round-robin"),
     (ENERGY, "round-robin"),  # masked
 ]

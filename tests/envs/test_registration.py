@@ -44,11 +44,6 @@ def test_a_registered_time_limit_holds_until_it_is_overridden(override, want):
     assert gym.spec(ID).max_episode_steps == 5
 
 
-def test_a_time_limit_of_no_steps_is_refused():
-    with pytest.raises(InputError, match="max_episode_steps is 0, expected an integer >= 1"):
-        gym.make_vec("wavegym/KershawEvansPosition-v0", max_episode_steps=0)
-
-
 @pytest.mark.parametrize(
     ("system", "parameters", "words"),
     [

@@ -85,11 +85,6 @@ def test_by_default_the_reward_is_minus_the_cost_whatever_it_is():
     assert (reward == -cost).all()
 
 
-def test_log_cost_is_minus_the_logarithm_of_the_cost():
-    rewards, infos = play("log-cost", Fixed(3))
-    assert (rewards == -np.log([info["cost"] for info in infos])).all()
-
-
 class WithGospa(KershawEvansPosition):
     def state_info(self, state):
         figures = super().state_info(state)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import pickle
+from itertools import pairwise
+
 import gymnasium as gym
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scene_plays import drawn, played
 
-from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.scenes import ObservationScene, make_scene
 from wavegym.evaluation import make_task
 from wavegym.registration import SYSTEMS
@@ -22,20 +25,6 @@ from wavegym.systems.sector_setup.system import SectorSetup
 
 STEPS = 14
 LOOKING = (CameraSlew, SectorSetup, SectorSetupCity)
-ALL = (*LOOKING, BeamAllocation, EnergyBudget, EnergyBudgetKnown)
-
-
-def drawn(system, steps=STEPS, seed=4):
-    """The scene after so many random steps, and its moment."""
-    env = WaveformVectorEnv(system, 1, render_mode="rgb_array")
-    env.action_space.seed(seed)
-    env.reset(seed=seed)
-    for _ in range(steps):
-        env.step(env.action_space.sample())
-    moment = env._film._moment(0)
-    scene = make_scene(system, Figure(figsize=(5.76, 6.4)).subfigures(1, 1))
-    scene.draw(moment)
-    return scene, moment
 
 
 def markers(axes):
@@ -53,10 +42,28 @@ def test_every_environment_of_the_suite_has_a_scene_of_its_own(env_id):
     assert not isinstance(scene, ObservationScene)
 
 
-@pytest.mark.parametrize("system", ALL)
-@pytest.mark.parametrize("steps", [0, 1])
-def test_a_frame_is_drawn_from_the_first_state_on(system, steps):
-    drawn(system(), steps)
+PICTURED = [
+    *((id, {}) for id, record in SYSTEMS.items() if record.scene),
+    ("wavegym/AgileClutter-v0", {"tracker": "particle", "particles": 30}),
+    ("wavegym/KershawEvansPosition-v0", {"action": "box"}),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("id", "settings"), PICTURED, ids=str)
+def test_the_same_episode_gives_the_same_pixels_whatever_was_drawn_before(id, settings):
+    """From the first state on, and after pickling."""
+    system = make_task(id, settings).system
+    env = played(system, 0)
+    env.action_space.seed(0)
+    frames = [env.render()[0]]
+    for _ in range(3):
+        env.step(env.action_space.sample())
+        frames.append(env.render()[0])
+    assert all((one != two).any() for one, two in pairwise(frames))
+    env.reset(seed=0)
+    assert (env.render()[0] == frames[0]).all()
+    assert (pickle.loads(pickle.dumps(played(system, 3))).render()[0] == frames[3]).all()
 
 
 def test_bars_stand_where_a_target_hides_and_marks_where_a_sensor_looked():
@@ -74,7 +81,7 @@ def test_bars_stand_where_a_target_hides_and_marks_where_a_sensor_looked():
 
 @pytest.mark.parametrize("system", LOOKING)
 def test_looks_are_the_actions_and_what_they_found(system):
-    scene, moment = drawn(system(horizon=30))
+    scene, moment = drawn(system(horizon=30), STEPS, 4)
     assert isinstance(scene, LookScene)
     looks = scene.looks(moment)
     assert looks.target.shape == looks.hit.shape == (STEPS, 1)
@@ -92,7 +99,7 @@ def test_looks_are_the_actions_and_what_they_found(system):
 def test_the_camera_is_drawn_where_it_points_and_grey_while_it_is_blind():
     system = CameraSlew(settle=2)
     for steps in range(1, 9):
-        scene, moment = drawn(system, steps)
+        scene, moment = drawn(system, steps, 4)
         (image,) = scene.map.patches
         belief, corners = moment.states[-1].belief, image.get_xy()
         middle = corners[1:-1].mean(axis=0) - corners[0]
@@ -106,7 +113,7 @@ def test_a_set_up_sends_no_pulse_to_the_receivers(dead_steps):
     system = SectorSetup(dead_steps=dead_steps, targets=2)
     seen = set()
     for steps in range(1, 9):
-        scene, moment = drawn(system, steps)
+        scene, moment = drawn(system, steps, 4)
         is_silent = bool(moment.states[-1].truth.silent[0])
         paths = [line for line in scene.map.lines if line.get_marker() == "None" and len(line.get_xdata()) == 2]
         from_sender = [line for line in paths if tuple(line.get_xydata()[0]) == tuple(system.illuminator)]
@@ -119,7 +126,7 @@ def test_a_set_up_sends_no_pulse_to_the_receivers(dead_steps):
 
 
 def test_beams_are_drawn_at_their_targets():
-    scene, moment = drawn(BeamAllocation())
+    scene, moment = drawn(BeamAllocation(), STEPS, 4)
     filled, hollow = markers(scene._beams)
     visible = moment.states[-1].belief.visible[0]
     wanted = [[], []]
@@ -132,7 +139,7 @@ def test_beams_are_drawn_at_their_targets():
 
 @pytest.mark.parametrize("system", [EnergyBudget, EnergyBudgetKnown])
 def test_the_account_shows_the_energy_left_and_the_occluded_slots(system):
-    scene, moment = drawn(system())
+    scene, moment = drawn(system(), STEPS, 4)
     energies = [state.belief.energy[0] for state in moment.states]
     assert any(list(line.get_ydata()) == energies for line in scene._account.lines)
     occluded = occluded_slots(moment)
@@ -141,6 +148,7 @@ def test_the_account_shows_the_energy_left_and_the_occluded_slots(system):
     assert len(scene._account.patches) == occluded.sum()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*HumanRendering wrapper is being applied")
 def test_a_window_shows_the_frames(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")  # a virtual display

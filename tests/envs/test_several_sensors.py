@@ -23,10 +23,9 @@ from wavegym.envs.film import headline
 from wavegym.rendering.timelines import Timelines, draw_choices, draw_predicted
 from wavegym.testing import check_vector_env
 from wavegym.testing.check import ConformanceError
-from wavegym.testing.lockstep import difference
 
 SYSTEM = TwoSensors()
-SHORT, LONG, MIDDLE = SYSTEM.library.labels
+SHORT, LONG, _ = SYSTEM.library.labels
 FORMS = ("library", "joint", "box")
 
 
@@ -78,40 +77,6 @@ def test_spaces_and_masks():
     assert env.action_masks().shape == (5, 6)
     assert env.action_masks().all()
     assert single.action_masks().shape == (6,)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        (np.array([[0, 3], [0, 0]]), r"action of sensor 2 is 3, expected an index in \[0, 2\] \(nearest: 2\)"),
-        (np.array([[0, 0], [-1, 9]]), r"action of sensor 1 is -1, expected an index in \[0, 2\] \(nearest: 0\)"),
-        (np.array([[0.0, 1.0]] * 2), r"action has the type float64, expected integers in \[0, 2\]"),
-        (np.array([[True, False]] * 2), "action has the type bool"),
-        (np.array([0, 1]), r"actions have the shape \(2,\), expected \(2, 2\): one index for each sensor"),
-        (np.array([[0, 1]]), r"actions have the shape \(1, 2\), expected \(2, 2\)"),
-        (np.zeros((2, 3), int), r"actions have the shape \(2, 3\), expected \(2, 2\)"),
-    ],
-)
-def test_a_wrong_action_changes_nothing(wrong, message):
-    env, twin = (WaveformVectorEnv(SYSTEM, 2) for _ in range(2))
-    for each in (env, twin):
-        each.reset(seed=0)
-    with pytest.raises(InputError, match=message) as caught:
-        env.step(wrong)
-    assert "\n" not in str(caught.value)
-    actions = np.array([[0, 2], [1, 0]])
-    assert difference(env.step(actions), twin.step(actions)) is None
-
-
-def test_the_single_environment_refuses_too():
-    env = WaveformEnv(SYSTEM)
-    env.reset(seed=0)
-    for wrong in (1, [0], [0, 3], [-1, 0], [0.0, 1.0], None):
-        with pytest.raises(InputError):
-            env.step(wrong)
-    assert env.belief.step.tolist() == [0]
-    for right in ([2, 0], (2, 0), np.array([2, 0], np.uint8)):
-        assert env.step(right)[-1]["waveform"].tolist() == [2, 0]
 
 
 def test_info_tells_the_indices_and_figures_of_each_target():

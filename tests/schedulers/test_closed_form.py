@@ -9,10 +9,9 @@ import oracles
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scheduler_systems import CA, Ladder
+from scheduler_systems import CA
 
 from wavegym.core import shortcuts
-from wavegym.core.errors import InputError
 from wavegym.schedulers import Myopic, MyopicClosedForm, rollout
 from wavegym.schedulers.myopic import OBJECTIVES
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
@@ -132,13 +131,3 @@ def test_it_is_no_worse_a_step_than_the_librarys_points_and_plays_whole_episodes
     # after the first step the beliefs differ
     assert (free.cost[:, 0] <= library.cost[:, 0] * (1 + 1e-6)).all()
     assert np.isfinite(free.cost).all()
-
-
-def test_what_has_no_closed_form_is_refused():
-    for system in (KershawEvansPosition(), Ladder()):
-        with pytest.raises(InputError, match=r"nearest: action='box'"):
-            ready(system, "trace")
-    with pytest.raises(InputError, match=r"for whole pulses, .* \(nearest: eclipsing=False\)"):
-        ready(KershawEvans(action="box"), "trace")
-    with pytest.raises(InputError, match="objective is 'determinant', expected one of 'trace', 'gate'"):
-        MyopicClosedForm("determinant")

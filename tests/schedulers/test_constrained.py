@@ -15,7 +15,7 @@ from wavegym.core import shortcuts
 from wavegym.core.action_sets import Parameter, ParameterBox
 from wavegym.core.errors import InputError
 from wavegym.schedulers import Continuous, InfeasibleThreshold, Myopic, MyopicClosedForm, MyopicInformation, rollout
-from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
+from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 from wavegym.systems.rf_eo.system import RfEo
 
 
@@ -254,28 +254,6 @@ def test_no_threshold_is_no_constraint():
     policy = Continuous("information", 2)
     act(policy, system, belief)
     assert policy.feasible.all()
-
-
-@pytest.mark.parametrize(
-    ("policy", "system", "words"),
-    [
-        (MyopicInformation(), KershawEvans(), "'myopic-information' cannot be computed for KershawEvans"),
-        (Continuous("information"), KershawEvans(action="box"), "'myopic-information:polish' cannot be computed"),
-        (Continuous(starts=2), scene(action="joint"), "'myopic:slsqp' is not for RfEo in this form, .* action='box'"),
-        (Continuous(), scene(penalty="hard"), "'myopic:polish' cannot .* no gradient; nearest: 'myopic'"),
-        (Continuous("information", 1), scene(penalty="hard"), "'myopic-information:slsqp' cannot be computed"),
-    ],
-)
-def test_systems_that_a_scheduler_is_not_for_are_refused(policy, system, words):
-    with pytest.raises(InputError, match=words):
-        policy.begin(system, 1, np.random.default_rng(0))
-
-
-def test_impossible_searches_are_refused():
-    with pytest.raises(InputError, match="did you mean 'trace'"):
-        Continuous("traces")
-    with pytest.raises(InputError, match="starts is -1, expected an integer >= 0"):
-        Continuous(starts=-1)
 
 
 def test_a_threshold_that_is_no_number_is_refused():

@@ -13,7 +13,7 @@ from scheduler_systems import Ladder, Start, small, small_ca
 from wavegym.core import shortcuts, trees
 from wavegym.core.errors import InputError
 from wavegym.schedulers import Lookahead, Myopic, lookahead, rollout
-from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
+from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
 
 def sequences(system, mean, P, depth):
@@ -120,42 +120,6 @@ def test_memory_is_bounded_by_chunks(depth, monkeypatch):
     assert (policy.act(belief, None, None) == free).all()
     assert max(sizes) <= 1000
     assert sum(sizes) == 60 * sum(9**d for d in range(1, depth + 1))
-
-
-@pytest.mark.parametrize(
-    ("depth", "horizon", "most", "nearest"),
-    [
-        (3, 9, 729, None),
-        (3, 9, 728, 2),
-        (9, 3, 729, None),
-        (9, 3, 728, 2),
-        (2, 9, 80, 1),
-        (1, 9, 1, None),
-        (99, 99, 1e6, 6),
-    ],
-)
-def test_more_sequences_than_can_be_tried_are_refused(depth, horizon, most, nearest):
-    """Nine candidates; no sequence is longer than the episode, and one step is what myopic tries too."""
-    policy, system = Lookahead(depth, most=most), small(horizon=horizon)
-    if nearest is None:
-        policy.begin(system, 1, None)
-        return
-    words = rf"depth is {depth}, .* 9\^{min(depth, horizon)} sequences a decision, expected .* \(nearest: {nearest}\)$"
-    with pytest.raises(InputError, match=words):
-        policy.begin(system, 1, None)
-
-
-def test_the_suites_largest_library_can_be_looked_ahead_in_by_three():
-    system = KershawEvans()
-    assert len(system.candidates()) == 88
-    Lookahead(3).begin(system, 1, None)
-    with pytest.raises(InputError, match=r"88\^4 sequences"):
-        Lookahead(4).begin(system, 1, None)
-
-
-def test_a_depth_of_no_steps_is_refused():
-    with pytest.raises(InputError, match="lookahead depth is 0, expected at least 1"):
-        Lookahead(0)
 
 
 def predicted(system, belief, depth):

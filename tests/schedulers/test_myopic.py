@@ -12,7 +12,6 @@ from rf_eo_scenes import FOLDED, beliefs, scene
 from scheduler_systems import CA, Ladder, Start
 
 from wavegym.core import shortcuts
-from wavegym.core.errors import InputError
 from wavegym.schedulers import Myopic, rollout
 from wavegym.schedulers.myopic import determinant
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
@@ -83,14 +82,12 @@ def test_a_box_is_searched_at_its_librarys_points():
     assert (chosen[1] == box.candidates()[chosen[0]]).all()
 
 
-def test_an_own_objective_and_an_unknown_one():
+def test_an_own_objective():
     system = KershawEvansPosition()
     belief = system.initial(oracles.worlds(system, 4)).belief
     policy = Myopic(lambda system, belief, candidates: -np.ones((4, 1)) * candidates)
     policy.begin(system, 4, None)
     assert (policy.act(belief, None, None) == 55).all()
-    with pytest.raises(InputError, match="did you mean 'determinant'"):
-        Myopic("determinent")
 
 
 @pytest.mark.parametrize("kind", [{}, {"far": True}, FOLDED], ids=["near", "far", "folded"])
@@ -166,13 +163,6 @@ def test_a_margin_of_prediction_replaces_the_systems_own():
     assert (chosen[None] == chosen[0.0]).all()
     assert (chosen[2.0] == shortcuts.best_action(dataclasses.replace(system, margin=2.0), belief)).all()
     assert (chosen[2.0] != chosen[0.0]).any()
-
-
-def test_margins_that_cannot_be_are_refused():
-    with pytest.raises(InputError, match="margin is -1, expected a finite number >= 0"):
-        Myopic(margin=-1)
-    with pytest.raises(InputError, match="'myopic-margin:2' cannot be computed for KershawEvans: it has no margin"):
-        Myopic(margin=2.0).begin(KershawEvans(), 1, None)
 
 
 def test_a_small_product_of_determinants_counts_not_a_small_sum():

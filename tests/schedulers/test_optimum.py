@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import oracles
 import pytest
-from scheduler_systems import Ladder, small, small_ca
+from scheduler_systems import small, small_ca
 
 from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
@@ -158,22 +156,7 @@ def test_environments_are_planned_independently():
             assert (whole[own] == one).all()
 
 
-def test_pruning_keeps_every_useful_sequence_of_distinct_waveforms():
-    """All schedules of three steps, one by one through the loop, are no cheaper than the plan."""
-    system = small(3)
-    worlds = oracles.worlds(system, 2)
-    floor = prepared(system, worlds).plan.cost
-    for sequence in itertools.product(range(9), repeat=3):
-        state, cost = system.initial(worlds), np.zeros(2)
-        for action in sequence:
-            state = system.transition(state, np.full(2, action), worlds)
-            cost += system.cost(state.belief)
-        assert (floor <= cost * (1 + 1e-9)).all()
-
-
 def test_what_cannot_be_had_is_refused():
-    with pytest.raises(InputError, match="'optimum' cannot be computed for Ladder"):
-        Optimum().begin(Ladder(), 1, None)
     system = small(2)
     policy = prepared(system, oracles.worlds(system, 1))
     with pytest.raises(InputError, match="given a mask"):

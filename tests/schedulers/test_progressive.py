@@ -9,15 +9,13 @@ import numpy as np
 import oracles
 import pytest
 
-from wavegym.core.errors import InputError
 from wavegym.schedulers import Myopic, Progressive
 from wavegym.schedulers.registry import is_scheduler, make_policy
 from wavegym.sensors.eclipsing import NEVER_CUT
 from wavegym.systems.agile_clutter.shortcuts import after_sensor, sensor_costs
 from wavegym.systems.agile_clutter.system import AgileClutter
-from wavegym.systems.kershaw_evans.system import KershawEvans
 
-BOX, LIBRARY = AgileClutter(action="box"), AgileClutter()
+BOX = AgileClutter(action="box")
 WIDE = AgileClutter(action="box", tracker="jpda")  # beliefs so wide that settings differ
 STEPS = (0, 3, 7, 12, 24)
 WHOLE = NEVER_CUT[None]  # all targets are beyond the blind ranges
@@ -127,15 +125,3 @@ def test_it_has_a_name():
     policy = make_policy("myopic:progressive", BOX, None)
     assert type(policy) is Progressive
     assert is_scheduler("myopic:progressive")
-
-
-@pytest.mark.parametrize("system", [LIBRARY, AgileClutter(action="joint"), KershawEvans(), KershawEvans(action="box")])
-def test_other_systems_and_forms_are_refused(system):
-    with pytest.raises(InputError, match=r"policy 'myopic:progressive' is not for .*expected chirps"):
-        Progressive().begin(system, 1, np.random.default_rng(0))
-
-
-@pytest.mark.parametrize(("settings", "words"), [({"points": 2}, "points is 2"), ({"levels": 0}, "levels is 0")])
-def test_a_grid_needs_points_and_levels(settings, words):
-    with pytest.raises(InputError, match=words):
-        Progressive(**settings)

@@ -14,7 +14,6 @@ from wavegym.core.errors import InputError
 from wavegym.evaluation import planner_sweep, tune_constants
 from wavegym.evaluation.task import Task
 from wavegym.registration import SYSTEMS
-from wavegym.schedulers import registry as names
 from wavegym.schedulers import rollout, tuned_constants
 from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay
@@ -228,30 +227,3 @@ def test_a_rule_recorded_for_other_features_names_the_command(monkeypatch):
     for name in ("searched-rule", "best-simple"):
         with pytest.raises(InputError, match=r"gone.*python -m wavegym\.evaluation\.tune_constants"):
             make_policy(name, SYSTEM, None)
-
-
-def test_every_heuristic_and_planner_is_a_name():
-    heuristics = {
-        "lagrangian-price",
-        "adaptive-lagrangian-price",
-        "constant-pace",
-        "cycle",
-        "greedy",
-        "aware-greedy",
-        "gain:L",
-        "cost-of-delay",
-        "hold-until-detected",
-        "clear-slot-price",
-        "searched-rule",
-    }
-    planners = {
-        "plan-once",
-        "rollout:H",
-        "receding-horizon",
-        "beam:W",
-        "mcts:N",
-        "tree:H",
-        "best-simple",
-        "best-planner",
-    }
-    assert set(names.MEANINGS) >= heuristics | planners

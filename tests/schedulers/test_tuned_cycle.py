@@ -14,7 +14,6 @@ from scheduler_systems import Ladder, Level, small
 
 from wavegym.core import shortcuts, trees
 from wavegym.core.action_sets import JointLibrary, Library, Parameter, ParameterBox, PerSensorLibrary
-from wavegym.core.errors import InputError
 from wavegym.core.system import State, System
 from wavegym.schedulers import Cycle, Fixed, rollout
 from wavegym.schedulers import cycle as searching
@@ -233,9 +232,3 @@ def test_with_masks_the_search_is_no_worse_than_a_constant_and_transmits_what_is
 def test_of_a_finite_set_the_tuned_constant_is_the_best_fixed_one():
     assert best_constant(Neglect(quantities=3), WORLDS) == 0
     assert best_constant(Neglect("sensors", sensors=2), WORLDS).tolist() == [0, 0]
-
-
-@pytest.mark.parametrize("actions", [[], 3])
-def test_a_cycle_without_slots_is_refused(actions):
-    with pytest.raises(InputError, match="expected one action or more"):
-        Cycle(actions)

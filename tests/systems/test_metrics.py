@@ -11,7 +11,6 @@ from wavegym.evaluation import draw_worlds, make_task, world_seeds
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers import RandomChoice
 from wavegym.schedulers.rollout import allowed
-from wavegym.systems.urban.tracker import CONFIRMED, Tracks
 
 URBAN = ("wavegym/Urban-v0", "wavegym/UrbanSignal-v0")  # their tracks belong to no target
 SLOTS = ("wavegym/MultifunctionRadar-v0",)  # as do these; tests of its own
@@ -47,20 +46,3 @@ def test_the_variance_of_the_position_is_that_of_the_axes_of_its_error(env_id):
     want = np.diagonal(P, axis1=-2, axis2=-1)[..., axes].sum(axis=-1)
     np.testing.assert_allclose(figures["position_variance"], np.where(present, want, 0.0), rtol=1e-12)
     assert system.nees_dimension == 2 * len(axes)  # position and velocity
-
-
-@pytest.mark.parametrize("env_id", URBAN)
-def test_an_urban_target_has_the_variance_of_the_nearest_confirmed_track(env_id):
-    system, state = later(env_id, steps=40)
-    figures = system.state_info(state)
-    x, P = Tracks(*state.belief[1:]).combined()
-    held = np.argwhere(figures["held"])
-    assert len(held)
-    for e, g in held:
-        sure = np.flatnonzero(state.belief.status[e] == CONFIRMED)
-        distance = np.linalg.norm(x[e, sure, :2] - state.truth.targets[e, g, :2], axis=1)
-        near = sure[distance.argmin()]
-        np.testing.assert_allclose(distance.min(), figures["position_error"][e, g])
-        np.testing.assert_allclose(figures["position_variance"][e, g], np.trace(P[e, near, :2, :2]))
-    assert (figures["position_variance"][~figures["held"]] == 0.0).all()
-    assert system.nees_dimension == 4

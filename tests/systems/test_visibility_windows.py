@@ -5,11 +5,13 @@ from __future__ import annotations
 from itertools import groupby
 
 import numpy as np
+import oracles
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from wavegym.core.errors import InputError
+from wavegym.evaluation.task import make_task
 from wavegym.systems.visibility_windows import alternating_windows, coming, given_windows, window_draws
 
 SHOWN, HIDDEN = (6, 14), (4, 10)
@@ -129,6 +131,33 @@ def test_bounds_that_make_no_windows_are_refused(shown, hidden, words):
 def test_too_few_draws_are_refused():
     with pytest.raises(InputError, match=r"uniforms have shape \(2, 14\), expected \(..., n\) with n >= 15"):
         alternating_windows(np.zeros((2, 14)), 60)
+
+
+@pytest.mark.parametrize("name", ["BeamAllocation", "CameraSlew", "SectorSetup"])
+@pytest.mark.parametrize("windows", [(), ((2, 5, 9), (0, 0, 59))])
+def test_what_is_observed_is_what_comes(name, windows):
+    """Whether a target is visible, for how long at most ten steps, and in what share of them; none is at the end."""
+    system = make_task(f"{name}-v0", {"windows": windows} if windows else {}).system
+    worlds, column = oracles.worlds(system, 20), {e.name: i for i, e in enumerate(system.observation_fields)}
+    state, count = system.initial(worlds), system.horizon
+    visible, targets = state.belief.visible, state.belief.visible.shape[2]
+    if windows:
+        np.testing.assert_array_equal(visible, np.tile(given_windows(windows, targets, count), (20, 1, 1)))
+    for k in range(count + 1):
+        seen = system.observe(state.belief)
+        ahead = np.pad(visible, ((0, 0), (0, 11), (0, 0)))[:, k : k + 10]
+        differs = ahead != ahead[:, :1]
+        changes = np.where(differs.any(axis=1), differs.argmax(axis=1), 10)
+        for t in range(targets):
+            wanted = (
+                ("visible", ahead[:, 0, t]),
+                ("changes", changes[:, t]),
+                ("soon_visible", ahead[..., t].mean(axis=1)),
+            )
+            for field, want in wanted[: 2 if name == "CameraSlew" else 3]:
+                np.testing.assert_allclose(seen[:, column[f"{field}_{t + 1}"]], want, atol=1e-12)
+        if k < count:
+            state = system.transition(state, np.zeros(20, int), worlds)
 
 
 @given(st.integers(0, 2**32), st.integers(1, 12))

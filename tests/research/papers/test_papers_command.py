@@ -23,6 +23,7 @@ from research.papers.rf_eo.pictures import CURVES, TRACKS
 from research.papers.urban import study as urban_study
 from research.papers.urban.pictures import NAMES
 from wavegym.core import work as core_work
+from wavegym.core.errors import InputError
 
 FILES = {"figure2.csv", "figure3.csv", "figure2.png", "figure3.png", "summary.json"}
 
@@ -102,6 +103,7 @@ def test_an_interrupted_command_keeps_what_is_done(tmp_path, capsys, monkeypatch
     assert capsys.readouterr().err.startswith("error: ")
 
 
+@pytest.mark.slow
 def test_a_stored_run_is_not_played_again(tmp_path, monkeypatch):
     """Every paper continues after an interruption."""
     monkeypatch.setattr(urban_study, "CASES", urban_study.CASES[:1])
@@ -158,3 +160,19 @@ def test_a_folder_that_cannot_be_made_is_a_mistake_too(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert main(["agile_clutter", "--out", str(tmp_path / "file" / "out")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("study", "settings", "words"),
+    [
+        (agile_clutter_study, {"tuning": 0}, "tuning is 0"),
+        (agile_clutter_study, {"tracker": "kalman"}, "tracker is 'kalman'"),
+        (rf_eo_study, {"tuning": 0}, "tuning is 0"),
+        (rf_eo_study, {"horizon": -1}, "horizon is -1"),
+        *((urban_study, {name: value}, f"{name} is {value}") for name, value in (("runs", 0), ("jobs", 0))),
+    ],
+)
+def test_mistakes_are_found_before_any_run(monkeypatch, study, settings, words):
+    monkeypatch.setattr(study, "_play", None)
+    with pytest.raises(InputError, match=words):
+        study.play(**{"runs": 1, "seed": 0, "jobs": 1, **settings})

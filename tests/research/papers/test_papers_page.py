@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from research.papers import claims
 from research.papers.catalogue import RUNS, load
 from research.papers.claims import HEAD
 from research.papers.page import END, START, block, main
+from research.papers.rf_eo import numbers as rf_eo_numbers
+from research.papers.urban import numbers as urban_numbers
 
 ROOT = Path(__file__).parents[3]
 
@@ -113,3 +117,16 @@ def test_without_intervals_every_claim_is_undecided(paper, summary):
 
     rows = load(paper).check_claims(bare(summary))
     assert {row.verdict for row in rows if row.measured.value != 0.0} == {"undecided"}
+
+
+@pytest.mark.parametrize("name", ["rf_eo", "urban"])
+def test_a_single_run_has_no_interval_and_no_verdict(name, rf_eo_study, urban_study):
+    played = {"rf_eo": rf_eo_study, "urban": urban_study}[name]
+    one = {case: type(runs)(*(array[:1] for array in runs)) for case, runs in played.runs.items()}
+    summary = {"rf_eo": rf_eo_numbers, "urban": urban_numbers}[name].summarise(replace(played, runs=one))
+    rows = load(name).check_claims(summary)
+    assert "undecided" in {row.verdict for row in rows if row.measured.ci is None and row.measured.value}
+    assert not {"yes", "no"} & {row.verdict for row in rows if row.measured.ci is None and row.measured.value}
+    text = f"{load(name).markdown(summary)}{claims.markdown(rows)}"
+    assert "nan" not in text
+    assert "None" not in text

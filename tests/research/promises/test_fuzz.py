@@ -11,6 +11,7 @@ from wavegym.evaluation import page
 from wavegym.policies.networks import Network
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", fuzz.KINDS)
 def test_a_few_changed_files_are_accepted_or_refused_in_one_line(kind: str) -> None:
     accepted, refused = fuzz.fuzz(kind, 40)

@@ -270,22 +270,3 @@ def test_heuristics_that_a_system_cannot_have_are_refused(name):
     system = KershawEvansPosition(horizon=3)
     with pytest.raises(InputError, match=f"'{name}' cannot be computed for KershawEvansPosition: it has no gain"):
         tune_heuristic(name, system, delay_worlds(system, 2))
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Greedy(0), "ahead is 0, expected an integer >= 1"),
-        (lambda: AwareGreedy(-1.0), "kappa is -1.0"),
-        (lambda: CostOfDelay(later=0), "later is 0"),
-        (lambda: CostOfDelay(alpha=np.nan), "alpha is nan"),
-        (lambda: Gain(0), "ahead is 0"),
-        (lambda: LagrangianPrice(-1.0), "price is -1.0"),
-        (lambda: AdaptiveLagrangianPrice(4, 0.0), "thrift is 0.0"),
-        (lambda: ConstantPace(4, -1.0), "share is -1.0"),
-    ],
-)
-def test_constants_out_of_range_are_told_in_one_line(make, message):
-    with pytest.raises(InputError, match=message) as error:
-        make()
-    assert "\n" not in str(error.value)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from wavegym.core import shortcuts
-from wavegym.core.errors import InputError
 from wavegym.core.traits import DwellRule
 from wavegym.core.worlds import draw_worlds, world_seeds
-from wavegym.schedulers.heuristics.grids import HEURISTICS, SEARCHED_DWELL, TIMELINE
+from wavegym.schedulers.heuristics.grids import SEARCHED_DWELL
 from wavegym.schedulers.heuristics.timeline_rules import (
     DelayIndex,
     EarliestDeadline,
@@ -20,7 +19,6 @@ from wavegym.schedulers.heuristics.timeline_rules import (
     VanKeukBlackman,
 )
 from wavegym.schedulers.registry import make_policy
-from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
@@ -134,10 +132,3 @@ def test_what_a_delay_costs_counts(beliefs):
     """Where a gain hardly changes with time, such as that of a search, a share of it is left out."""
     updates = [(KIND[chosen(DelayIndex(0.5, 1.0, 0.3, kappa), beliefs)] == UPDATE).mean() for kappa in (0.0, 0.95)]
     assert updates[0] != updates[1]
-
-
-@pytest.mark.parametrize("name", TIMELINE)
-def test_they_are_refused_where_there_is_no_time_line(name):
-    rule = HEURISTICS[name].make(**HEURISTICS[name].start)
-    with pytest.raises(InputError, match=f"'{name}' cannot be computed for KershawEvansPosition: it has no duration"):
-        rule.begin(KershawEvansPosition(), 1, np.random.default_rng(0))

@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Myopic
 from wavegym.schedulers.heuristics.cma_search import Budget
 from wavegym.schedulers.heuristics.weighted_myopic import WeightedMyopic, search_weights
 from wavegym.schedulers.tuning import log_cost
 from wavegym.systems.agile_clutter.system import AgileClutter
-from wavegym.systems.camera_slew.system import CameraSlew
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 from wavegym.systems.rf_eo.system import RfEo
-from wavegym.systems.urban.system import Urban
 
 ENVS = 4
 
@@ -66,20 +63,6 @@ def test_a_weight_on_the_velocity_pays_where_the_cost_has_none():
     assert found["weights"][0] == system.weights[0]
     assert found["weights"][1] > 0.0
     assert log_cost(system, WeightedMyopic(**found), test) < log_cost(system, Myopic(), test) - 0.05
-
-
-@pytest.mark.parametrize(
-    ("system", "why"),
-    [
-        (CameraSlew(), "its looks have delays"),
-        (Urban(), "weighted-myopic"),
-        (RfEo(weights=np.eye(4).tolist()), "one number for each element"),
-        (RfEo(), "it has 4 weights, not 2"),
-    ],
-)
-def test_systems_that_it_is_not_for(system, why):
-    with pytest.raises(InputError, match=why):
-        begun(WeightedMyopic((1.0, 1.0)), system)
 
 
 def test_weights_that_no_cost_may_have_are_refused():

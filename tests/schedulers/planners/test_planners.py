@@ -7,7 +7,6 @@ import pytest
 from delay_systems import CANDIDATES, DelaySystem, delay_worlds
 
 from wavegym.core import trees
-from wavegym.core.errors import InputError
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy
 from wavegym.schedulers.planners import (
     BeamSearch,
@@ -22,7 +21,7 @@ from wavegym.schedulers.planners import base as planner_base
 from wavegym.schedulers.planners.base import SampledFutures, significant
 from wavegym.schedulers.planners.receding_horizon import neighbours
 from wavegym.schedulers.rollout import rollout
-from wavegym.schedulers.simple import Fixed, RandomChoice
+from wavegym.schedulers.simple import Fixed
 
 STEPS = 4
 CERTAIN = DelaySystem(horizon=STEPS, setup=1, budget=2.0, pd=1.0)  # every pulse detects what is visible
@@ -285,25 +284,3 @@ def test_decisions_do_not_depend_on_the_batch_where_nothing_is_drawn():
     for e in range(5):
         alone = futures.costs(trees.take(belief, np.array([e])), plans[:1], None, None)
         np.testing.assert_array_equal(alone[0], together[e])
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: RolloutPlanner(base(), 0), "depth is 0"),
-        (lambda: RolloutPlanner(base(), 5, futures=0), "futures is 0"),
-        (lambda: RolloutPlanner(base(), 5, errors=-1.0), "errors is -1"),
-        (lambda: BeamSearch(base(), 0), "beam width is 0"),
-        (lambda: MonteCarloTree(base(), 0), "simulations is 0"),
-        (lambda: PlanOnce(base(), -1), "rounds is -1"),
-    ],
-)
-def test_bad_numbers_are_one_line_errors(make, said):
-    with pytest.raises(InputError, match=said):
-        make()
-
-
-def test_random_is_worse_than_every_base_here():
-    system = DelaySystem()
-    worlds = delay_worlds(system, 60)
-    assert rollout(system, RandomChoice(), worlds).mean_cost.mean() > rollout(system, base(), worlds).mean_cost.mean()

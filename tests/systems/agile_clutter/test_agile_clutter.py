@@ -1,26 +1,19 @@
-"""The agile-clutter system's worlds, episodes, figures, consistency, ids and refusals."""
+"""The agile-clutter system's worlds, episodes, figures and consistency."""
 
 from __future__ import annotations
 
-from functools import partial
 from itertools import pairwise, product
 
 import agile_clutter_oracle as plain
-import gymnasium as gym
 import numpy as np
 import oracles
 import pytest
-from gymnasium.utils.env_checker import check_env
 from scipy.stats import chi2
 
 from wavegym.core import shortcuts, trees
-from wavegym.core.errors import InputError
-from wavegym.envs import WaveformVectorEnv
 from wavegym.systems.agile_clutter.system import AgileClutter
-from wavegym.testing import check_vector_env
 
-ID = "wavegym/AgileClutter-v0"
-FORMS, TRACKERS = ("library", "joint", "box"), ("jpda", "particle", "mixture")
+TRACKERS = ("jpda", "particle", "mixture")
 THERE = np.array([[1 <= k <= 25, 8 <= k <= 32] for k in range(33)])  # the paper's targets at k = 0..32
 
 
@@ -69,22 +62,6 @@ def test_first_estimates_and_true_paths_have_their_distributions():
     )
 
 
-def test_worlds_are_the_same_whatever_is_transmitted_or_tracked():
-    want = AgileClutter().draw_world(np.random.default_rng(3))
-    changed = [{"action": form} for form in FORMS] + [{"laws": ("lfm",)}, {"clutter_density": 0.0}, {"gate": 2.0}]
-    for settings in [
-        *changed,
-        {"tracker": "particle"},
-        {"tracker": "mixture"},
-        {"durations": (1e-4,)},
-        {"reference_range": 2e4},
-    ]:
-        world = AgileClutter(**settings).draw_world(np.random.default_rng(3))
-        assert all(np.array_equal(a, b) for a, b in zip(world, want, strict=True))
-    other = AgileClutter().draw_world(np.random.default_rng(4))
-    assert not any(np.array_equal(a, b) for a, b in zip(other, want, strict=True))
-
-
 @pytest.mark.parametrize("tracker", TRACKERS)
 def test_targets_come_and_go_at_their_steps(tracker):
     """Target 1 is measured at k = 1..25, target 2 at k = 8..32; an absent target costs nothing and is not updated."""
@@ -123,23 +100,6 @@ def test_a_track_is_lost_with_the_sixth_return_outside_its_gates():
     outside = np.array([[5, 6]])
     lost = system.state_info(state._replace(truth=state.truth._replace(outside=outside)))["lost"]
     np.testing.assert_array_equal(lost, [[False, True]])
-
-
-@pytest.mark.parametrize("tracker", TRACKERS)
-def test_a_batch_is_its_elements_even_out_of_step(tracker):
-    system = AgileClutter(tracker=tracker, particles=30)
-    worlds = oracles.worlds(system, 2)
-    states = play(system, worlds, at_random(system))
-    pick = trees.tree_map(lambda a, b: np.stack([a[0], b[1]]), states[20], states[6])
-    actions = np.array([[3, 4], [50, 60]])
-    got = system.transition(pick, actions, worlds)
-    for e, k in ((0, 20), (1, 6)):
-        row = slice(e, e + 1)
-        alone = system.transition(
-            trees.tree_map(lambda a, r=row: a[r], states[k]), actions[row], oracles.rows(worlds, row)
-        )
-        assert same(trees.tree_map(lambda a, r=row: a[r], got), alone)
-        assert alone.belief.step[0] == k + 1
 
 
 def test_every_element_of_the_observation_is_as_documented():
@@ -222,60 +182,3 @@ def test_particles_do_not_degenerate_in_clutter(chooses):
     assert np.median(figures(system, states, "ancestors"), axis=1)[4:].min() >= 0.05
     assert figures(system, states, "ess").max() <= 1.0 + 1e-12
     assert figures(system, states, "clutter").sum() > 0
-
-
-@pytest.mark.parametrize("action", FORMS)
-@pytest.mark.parametrize("tracker", TRACKERS)
-def test_registered_in_all_forms(action, tracker):
-    settings = {"action": action, "tracker": tracker, "particles": 20}
-    check_env(gym.make(ID, disable_env_checker=True, **settings).unwrapped, skip_render_check=True)
-    single, batch = gym.make(ID, **settings), gym.make_vec(ID, 3, **settings)
-    for k, one, _ in oracles.in_step(single, batch, 32):
-        assert one[2:4] == (k == 32, False)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("action", "tracker"), [("library", "mixture"), ("joint", "jpda"), ("box", "particle")])
-def test_does_what_gymnasiums_vector_environment_does(action, tracker):
-    system = AgileClutter(action=action, tracker=tracker, particles=20)
-    assert check_vector_env(partial(WaveformVectorEnv, system)) is None
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ({"false_alarm": 0.0}, "false_alarm is 0.0, expected a finite number > 0"),
-        ({"false_alarm": 1.0}, "false_alarm is 1.0, expected a finite number < 1"),
-        ({"false_alarm": np.nan}, "false_alarm is nan"),
-        ({"gate": 0.0}, "gate is 0.0, expected a finite number > 0"),
-        ({"gate": -1.0}, "gate is -1.0, expected a finite number > 0"),
-        ({"reference_range": 0.0}, "reference_range is 0.0 m, expected a finite number > 0"),
-        ({"reference_range": -5e4}, "reference_range is -50000.0 m, expected a finite number > 0"),
-        ({"nearest_range": 0.0}, "nearest_range is 0.0 m, expected a finite number > 0"),
-        ({"births": (0,)}, "expected 2 steps"),
-        ({"births": (32, 33), "horizon": 32}, "least of births is 32, expected .*nearest: 31"),
-        ({"births": (-1, 7)}, "births.0 is -1, expected an integer >= 0"),
-        ({"starts": ((0.0,) * 4,) * 11, "births": (0,) * 11}, "number of targets .* is 11.*nearest: 10"),
-        ({"sensors": ()}, "number of sensors is 0"),
-        ({"sensors": ((0.0, np.inf),)}, "sensors.0.1 is inf m, expected a finite number"),
-        ({"q": -1.0}, "q is -1.0 m.2/s.3, expected a finite number >= 0 .nearest: 0."),
-        ({"weights": (0.0,) * 4}, "sum of weights is 0.0"),
-        ({"laws": ("hfn",)}, "did you mean 'hfm'"),
-        ({"laws": ("hfm", "hfm:0.5")}, "2 times"),
-        ({"laws": ("pfm:1",)}, "shape kappa of 'pfm' is 1.0.*folds"),
-        ({"laws": ("hfm:-1",)}, "shape g of 'hfm' is -1.0"),
-        ({"sweeps": (0.0,)}, "sweeps.0 is 0.0 Hz, expected a finite number > 0"),
-        ({"sweeps": (-1e6,)}, "sweeps.0 is -1000000.0 Hz, expected a finite number > 0"),
-        ({"carrier_hz": 1e6}, "folds through zero"),
-        ({"durations": ()}, "library is empty"),
-        ({"particles": 1}, "particles is 1, expected an integer >= 2 .nearest: 2."),
-        ({"horizon": 33}, "horizon is 33 steps.*nearest: 32"),
-        ({"clutter_density": 1e6}, "clutter_density is 1000000.0 s/m\\^2, expected .*nearest: "),
-        ({"prior_variance": (0.0, 1.0, 1.0, 1.0)}, "prior_variance.0 is 0.0, expected a finite number > 0"),
-        ({"clutter_densty": 1.0}, "did you mean 'clutter_density'"),
-    ],
-)
-def test_bad_input_is_refused_in_one_line(parameters, words):
-    with pytest.raises(InputError, match=words) as caught:
-        gym.make(ID, **parameters)
-    assert "\n" not in str(caught.value)

@@ -145,27 +145,6 @@ def test_prediction_knows_clutter_by_its_density_whatever_the_gate(gate):
         assert oracles.covariance_distance(got.covariance[e], P) < 1e-9
 
 
-@pytest.mark.parametrize("action", ["library", "joint", "box"])
-@pytest.mark.parametrize("tracker", ["jpda", "particle", "mixture"])
-def test_candidates_are_a_loop_over_them_bit_for_bit(action, tracker):
-    system = AgileClutter(action=action, tracker=tracker, particles=20)
-    rng = np.random.default_rng(3)
-    for belief in beliefs(system, steps=(0, 7)):
-        actions = np.stack([random_actions(system, rng, 3) for _ in range(6)], axis=1)
-        outcome = rng.integers(2, size=(3, 6, 2, 2)).astype(float)
-        for given in (None, outcome):
-            many = system.predict(belief, actions, given)
-            cost = system.cost(many)
-            assert cost.shape == (3, 6)
-            for c in range(6):
-                one = system.predict(belief, actions[:, c], None if given is None else given[:, c])
-                for a, b in zip(one[:3], many[:3], strict=True):
-                    np.testing.assert_array_equal(a, b[:, c])
-                np.testing.assert_array_equal(system.cost(one), cost[:, c])
-        shared = system.predict(belief, actions[:1])
-        np.testing.assert_array_equal(shared.covariance[0], system.predict(belief, actions).covariance[0])
-
-
 def test_sensor_costs_are_the_cost_of_predict_sensor_after_sensor():
     system = AgileClutter()
     C, windows = system.action_set.sensor_covariances, system.action_set.sensor_windows

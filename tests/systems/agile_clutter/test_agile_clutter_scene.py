@@ -1,18 +1,14 @@
 """The scene of several targets and sensors: its panels, for every form of action and both trackers."""
 
-from itertools import pairwise
-
-import gymnasium as gym
-import matplotlib.colors as colours
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scene_plays import drawn, moment_of, of, played
 
-from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.scenes import make_scene
 from wavegym.rendering.maps import colour, ellipse
 from wavegym.sensors import inside_gate, range_and_rate
-from wavegym.systems.agile_clutter.scene import TargetScene, draw_map, known_targets, scan_caption, transmitted
+from wavegym.systems.agile_clutter.scene import draw_map, known_targets, scan_caption, transmitted
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.waveforms import TrapezoidChirp
 
@@ -20,37 +16,6 @@ FORMS = ("library", "joint", "box")
 BIRTHS, LIFETIME = (0, 3), 5
 SYSTEM = AgileClutter(births=BIRTHS, lifetime=LIFETIME, horizon=8)
 PARTICLES = AgileClutter(births=BIRTHS, lifetime=LIFETIME, horizon=8, tracker="particle", particles=30)
-
-
-def played(system, steps, seed=0):
-    env = WaveformVectorEnv(system, 1, render_mode="rgb_array")
-    env.action_space.seed(seed)
-    env.reset(seed=seed)
-    for _ in range(steps):
-        env.step(env.action_space.sample())
-    return env
-
-
-def moment_of(env):
-    return env._film._moment(0)
-
-
-def drawn(system, steps, seed=0):
-    """Scene after so many steps, and its moment."""
-    moment = moment_of(played(system, steps, seed))
-    figure = Figure(figsize=(5.76, 6.4))
-    scene = make_scene(system, figure.subfigures(1, 1))
-    scene.draw(moment)
-    return scene, moment
-
-
-def of_target(artists, t):
-    return [a for a in artists if colours.same_color(a.get_color(), colour(t))]
-
-
-def test_the_system_has_this_scene():
-    scene, _ = drawn(SYSTEM, 1)
-    assert isinstance(scene, TargetScene)
 
 
 @pytest.mark.parametrize("step", range(9))
@@ -61,7 +26,7 @@ def test_the_map_shows_the_targets_that_the_tracker_knows(step):
     assert set(known_targets(SYSTEM, step)) == present
     names = {text.get_text() for text in axes.texts}
     for t in (0, 1):
-        assert (str(t + 1) in names) == bool(of_target(axes.lines, t)) == (t in present)
+        assert (str(t + 1) in names) == bool(of(colour(t), axes.lines)) == (t in present)
 
 
 def test_the_map_is_to_scale_and_holds_truth_ellipse_and_directions_to_the_sensors():
@@ -70,7 +35,7 @@ def test_the_map_is_to_scale_and_holds_truth_ellipse_and_directions_to_the_senso
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     assert axes.bbox.width / (right - left) == pytest.approx(axes.bbox.height / (top - bottom))
     for t in (0, 1):
-        _, trail, means, outline, cross = of_target(axes.lines, t)
+        _, trail, means, outline, cross = of(colour(t), axes.lines)
         np.testing.assert_allclose(np.array(cross.get_data())[:, 0], now.truth.targets[0, t, :2] / 1e3)
         points = 1e3 * np.array(outline.get_data()) - now.belief.mean[0, t, :2, None]
         P = now.belief.covariance[0, t, :2, :2]
@@ -165,27 +130,10 @@ def test_particles_are_points_of_the_map_and_of_the_errors():
     now = moment.states[-1]
     for t in (0, 1):
         expected = now.belief.hypotheses.mean[0, :, t, :2]
-        cloud = next(line for line in of_target(scene._map.lines, t) if len(line.get_xdata()) == 30)
+        cloud = next(line for line in of(colour(t), scene._map.lines) if len(line.get_xdata()) == 30)
         np.testing.assert_allclose(1e3 * cloud.get_xydata(), expected)
-        cloud = next(line for line in of_target(scene._errors.lines, t) if len(line.get_xdata()) == 30)
+        cloud = next(line for line in of(colour(t), scene._errors.lines) if len(line.get_xdata()) == 30)
         np.testing.assert_allclose(cloud.get_xydata(), expected - now.truth.targets[0, t, :2])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "system", [SYSTEM, PARTICLES, AgileClutter(births=(0, 2), lifetime=4, horizon=6, action="box")]
-)
-def test_the_same_episode_gives_the_same_pixels_whatever_was_drawn_before(system):
-    env = played(system, 0)
-    env.action_space.seed(0)
-    frames = [env.render()[0]]
-    for _ in range(4):
-        env.step(env.action_space.sample())
-        frames.append(env.render()[0])
-    assert all((one != two).any() for one, two in pairwise(frames))
-    env.reset(seed=0)
-    assert (env.render()[0] == frames[0]).all()
-    assert (played(system, 4).render()[0] == frames[4]).all()
 
 
 def test_a_pulse_sent_again_after_another_is_drawn_again():
@@ -209,18 +157,3 @@ def test_other_numbers_of_sensors_are_drawn_too(count):
     env = played(AgileClutter(sensors=sites, action="box", laws=("lfm",)), 2)
     assert env.render()[0].std() > 10
     assert len(env._film._canvas._parts[0]._gates) == min(count, 2)
-
-
-@pytest.mark.slow
-def test_gymnasium_records_a_video(tmp_path):
-    moviepy = pytest.importorskip("moviepy")
-    env = gym.make("wavegym/AgileClutter-v0", render_mode="rgb_array", births=(0, 1), lifetime=3, horizon=3)
-    env = gym.wrappers.RecordVideo(env, str(tmp_path / "videos"), name_prefix="two-radars", disable_logger=True)
-    env.reset(seed=0)
-    for _ in range(3):
-        env.step(env.action_space.sample())
-    env.close()
-    (video,) = tmp_path.glob("videos/two-radars-*.mp4")
-    with moviepy.VideoFileClip(str(video)) as clip:
-        assert clip.size == [960, 640]
-        assert clip.n_frames == 4

@@ -1,4 +1,4 @@
-"""A world that differs from what the tracker assumes, in agile clutter and the systems that derive from it."""
+"""A world with other clutter and other spells of occlusion than the tracker assumes."""
 
 from __future__ import annotations
 
@@ -6,26 +6,9 @@ import numpy as np
 import oracles
 import pytest
 
-from wavegym.core import shortcuts, trees
-from wavegym.core.errors import InputError
-from wavegym.core.parameters import parameter_infos
+from wavegym.core import shortcuts
 from wavegym.systems.agile_clutter import AgileClutter
-from wavegym.systems.beam_allocation import BeamAllocation
 from wavegym.systems.energy_budget import EnergyBudget
-from wavegym.systems.energy_budget.known import EnergyBudgetKnown
-
-KINDS = (AgileClutter, BeamAllocation, EnergyBudget, EnergyBudgetKnown)
-MISMATCHES = ({"q": 4.0}, {"turn_rate": 0.05}, {"prior_variance": 9.0}, {"reference_range": 0.6})
-
-
-def mismatch(kind, change):
-    """``change`` as parameters of ``kind``: a factor on its default, or a turn rate."""
-    system = kind()
-    (name, factor), *_ = change.items()
-    if name == "turn_rate":
-        return change
-    value = getattr(system, name)
-    return {name: tuple(factor * v for v in value) if isinstance(value, tuple) else factor * value}
 
 
 def play(system, worlds):
@@ -36,66 +19,6 @@ def play(system, worlds):
         action = constants[rng.integers(len(constants), size=count)]
         states.append(system.transition(states[-1], action, worlds))
     return states
-
-
-def nees(system, count=300):
-    """Mean NEES over worlds, targets and steps."""
-    infos = [system.state_info(state) for state in play(system, oracles.worlds(system, count))[1:]]
-    return np.mean([info["nees"].sum() / info["present"].sum() for info in infos])
-
-
-def leaves(state):
-    """All arrays of a state."""
-    found = []
-    trees.tree_map(found.append, state)
-    return found
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_truth_equal_to_the_assumptions_changes_nothing(kind):
-    names = [info.name for info in parameter_infos(kind) if info.truth]
-    assert {"q", "turn_rate", "reference_range", "prior_variance", "false_alarm", "clutter_density"} <= set(names)
-    told = kind(truth={name: getattr(kind(), name) for name in names})
-    worlds = oracles.worlds(told, 4)
-    for one, other in zip(play(told, worlds), play(kind(), worlds), strict=True):
-        for a, b in zip(leaves(one), leaves(other), strict=True):
-            np.testing.assert_array_equal(a, b)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("change", [*MISMATCHES, {"false_alarm": 0.1}])
-def test_tracker_and_schedulers_keep_their_assumptions(kind, change):
-    """Where all returns are missed, covariances are those without a truth, although the true paths are not.
-
-    From one state, prediction, cost and observation are the same.
-    """
-    truth = mismatch(kind, change)
-    system, changed = kind(clutter_density=0.0), kind(clutter_density=0.0, truth=truth)
-    worlds = oracles.worlds(system, 5)
-    blind = worlds._replace(detection=np.ones_like(worlds.detection))
-    for one, two in zip(play(system, blind), play(changed, blind), strict=True):
-        # Weights of the components differ with the gates' content, so their moments do in rounding.
-        assert oracles.covariance_distance(one.belief.covariance, two.belief.covariance) < 1e-12
-        moved = np.abs(one.truth.path - two.truth.path)[:, :, 1:].max(axis=3) > 0.0
-        assert moved.all() if {*truth} & {"q", "turn_rate"} else not moved.any()
-    state, actions = play(system, worlds)[9], shortcuts.constants(system)[:5]
-    for name, more in (("predict", (actions,)), ("cost", ()), ("observe", ())):
-        got, want = (getattr(s, name)(state.belief, *more) for s in (changed, system))
-        for a, b in zip(leaves(got), leaves(want), strict=True):
-            np.testing.assert_array_equal(a, b)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("change", MISMATCHES)
-def test_a_tracker_that_is_not_told_of_the_world_is_overconfident(kind, change):
-    """300 values of mean 4 and variance 8, at worst wholly correlated over steps and targets: 4 standard errors, 0.65.
-
-    Without clutter, where a handful of steps does not set the mean (docs/consistency_in_clutter.md).
-    """
-    truth = mismatch(kind, change)
-    assert abs(nees(kind(clutter_density=0.0, **truth)) - 4.0) < 0.65
-    assert nees(kind(clutter_density=0.0, truth=truth)) > 4.55
 
 
 def test_the_field_of_clutter_has_the_true_density():
@@ -128,18 +51,3 @@ def test_spells_of_occlusion_follow_the_truth_and_their_forecast_does_not():
     assert occluded[30:].mean() == pytest.approx(0.75, abs=0.03)
     belief = states[5].belief
     np.testing.assert_array_equal(changed._clear_probability(belief), assumed._clear_probability(belief))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(
-    ("truth", "words"),
-    [
-        ({"gate": 2.0}, "truth has 'gate', expected one of q, turn_rate, reference_range"),
-        ({"clutter": 1e-3}, "did you mean 'clutter_density'"),
-        ({"q": -1.0}, "q is -1.0"),
-    ],
-)
-def test_other_truths_are_refused_in_one_line(kind, truth, words):
-    with pytest.raises(InputError, match=words) as error:
-        _ = kind(truth=truth).truth_model
-    assert "\n" not in str(error.value)

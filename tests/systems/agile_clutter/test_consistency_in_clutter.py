@@ -9,11 +9,9 @@ from __future__ import annotations
 from functools import cache
 from typing import NamedTuple
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
-from tests import oracles
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation.task import make_task
 from wavegym.schedulers.registry import make_policy
@@ -112,11 +110,3 @@ def test_losing_a_target_never_pays(env_id):
     )
     assert (lost < kept).mean() <= 0.03
     assert lost.mean() > 2.0 * kept.mean()
-
-
-@pytest.mark.parametrize("env_id", IDS)
-def test_the_mixture_is_played_alike_alone_and_in_a_batch(env_id):
-    settings = {"tracker": "mixture", "components": 3}
-    single, batch = gym.make(f"wavegym/{env_id}", **settings), gym.make_vec(f"wavegym/{env_id}", 3, **settings)
-    for _ in oracles.in_step(single, batch, 12):
-        pass

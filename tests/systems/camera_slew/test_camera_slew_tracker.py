@@ -131,6 +131,16 @@ def test_misses_count_in_the_consistency():
     assert left_out > 4 + 5 * np.sqrt(8 / lost.sum())
 
 
+def test_a_camera_that_finds_nothing_costs_more():
+    costs = []
+    for truth in (None, {"detection": 0.0}):
+        system = CameraSlew(truth=truth)
+        states, _ = play(system, oracles.worlds(system, 40), index_rule(system))
+        costs.append(np.mean([system.cost(state.belief) for state in states]))
+        assert any(state.truth.seen.any() for state in states) == (truth is None)
+    assert costs[1] > 2 * costs[0]
+
+
 @pytest.mark.parametrize("policy", [index_rule, myopic])
 @pytest.mark.parametrize("since", [0, 20, 40])
 def test_losing_a_track_never_pays(policy, since):

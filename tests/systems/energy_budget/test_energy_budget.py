@@ -12,13 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavegym.core import shortcuts
-from wavegym.core.errors import InputError
-from wavegym.core.parameters import make_checked
 from wavegym.schedulers import Myopic
 from wavegym.systems.energy_budget.actions import Account, PulseActions
 from wavegym.systems.energy_budget.known import FAR, EnergyBudgetKnown
 from wavegym.systems.energy_budget.system import EnergyBudget
-from wavegym.testing.check import prediction_defect
 
 IDS = ("wavegym/EnergyBudget-v0", "wavegym/EnergyBudgetKnown-v0")
 
@@ -47,11 +44,10 @@ def test_whatever_is_asked_the_account_pays_what_it_has(units, sensors, data):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [300, pytest.param(7000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", BOTH)
-def test_energy_is_conserved_in_every_random_step(kind, count):
+def test_energy_is_conserved_in_every_random_step(kind):
     """With 7000 worlds of 72 steps for either environment: a million steps. Durations that no binary fraction holds."""
-    system = kind(durations=(10e-6, 30e-6, 70e-6), budget=0.3)
+    system, count = kind(durations=(10e-6, 30e-6, 70e-6), budget=0.3), 7000
     worlds, rng = oracles.worlds(system, count, 3), np.random.default_rng(3)
     state, spent = system.initial(worlds), np.zeros(count)
     units = np.round(np.array([0.0, 1.0, 3.0, 7.0])[system.actions.indices].sum(axis=1))
@@ -165,7 +161,6 @@ def test_the_observation_shows_the_belief_of_a_planner(kind):
 @pytest.mark.parametrize("kind", BOTH)
 def test_it_keeps_the_contract(kind):
     system = kind()
-    assert prediction_defect(system) is None
     assert shortcuts.best_action.of(system) is None
     assert len(system.actions) == 16
     assert 0 in shortcuts.constants(system)
@@ -192,37 +187,6 @@ def test_myopic_spends_all_it_can():
     policy.begin(system, 3, np.random.default_rng(0))
     played = states(system, worlds, lambda p: policy.act(p, None, system.mask(p)))
     assert (played[30].belief.energy == 0.0).all()
-
-
-@pytest.mark.parametrize(
-    ("kind", "settings", "says"),
-    [
-        (EnergyBudget, {"budget": -0.1}, "budget is -0.1, expected a finite number > 0"),
-        (EnergyBudget, {"budget": 0.003}, "budget is 0.003 a step, expected .*cheapest pulse"),
-        (EnergyBudget, {"budget": float("nan")}, "budget is nan, expected a finite number > 0"),
-        (EnergyBudget, {"budget": 2.1}, "nearest: 2"),
-        (EnergyBudget, {"mean_clear": 0.5}, "mean_clear is 0.5, expected a finite number >= 1"),
-        (EnergyBudget, {"mean_occluded": float("inf")}, "mean_occluded is inf, expected a finite number >= 1"),
-        (EnergyBudget, {"durations": (1e-5, 3.1415926535e-5)}, "multiples of one unit"),
-        (EnergyBudget, {"durations": (1e-5, -3e-5)}, "durations.1 is -3e-05 s, expected a finite number > 0"),
-        (EnergyBudget, {"laws": ("lfm", "pfm:3")}, "laws is"),
-        (EnergyBudget, {"births": (3,)}, "births is"),
-        (EnergyBudget, {"spread": (1.0, -1.0, 0.0, 0.0)}, "spread.1 is -1.0, expected a finite number >= 0"),
-        (EnergyBudget, {"tracker": "kalman"}, "tracker is 'kalman'"),
-        (EnergyBudget, {"action": "box"}, "action is 'box'"),
-        (EnergyBudget, {"windows": ((1, 2),)}, "unexpected keyword argument 'windows'"),
-        (EnergyBudgetKnown, {"windows": ((70, 72),)}, "last step of hidden window"),
-        (EnergyBudgetKnown, {"windows": ((-1, 2),)}, "first step of hidden window"),
-        (EnergyBudgetKnown, {"windows": ((5, 2),)}, "last step of hidden window"),
-        (EnergyBudgetKnown, {"windows": ((0, 71),)}, "at least one step"),
-        (EnergyBudgetKnown, {"shown": (0, 3)}, "shown.0 is 0, expected an integer >= 1"),
-        (EnergyBudgetKnown, {"hidden": (5, 3)}, "hidden is (5, 3), expected"),
-    ],
-)
-def test_bad_input_is_one_line(kind, settings, says):
-    with pytest.raises(InputError, match=says.replace("(", r"\(").replace(")", r"\)")) as error:
-        make_checked(kind, settings)
-    assert "\n" not in str(error.value)
 
 
 def test_a_budget_of_just_the_cheapest_pulse_pays_it_once():

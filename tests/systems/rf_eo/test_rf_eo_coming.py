@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import oracles
 import pytest
 
-from wavegym.core import shortcuts, trees
+from wavegym.core import shortcuts
 from wavegym.envs.single import WaveformEnv
-from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.rendering.panels import Moment
 from wavegym.systems.rf_eo.scene import received_caption
 from wavegym.systems.rf_eo.state import SOON
 from wavegym.systems.rf_eo.system import RfEo, RfEoFar
-from wavegym.testing import check_vector_env
 
 BIRTHS, STAY, STEPS = (0, 5, 13), 8, 24
 STARTS = ((-1e3, 0.0, 1e3, 0.0), (1e3, 0.0, 1e3, 0.0), (300.0, 20.0, -400.0, -10.0))
@@ -90,13 +87,6 @@ def test_each_target_is_that_of_a_scene_of_its_own(system):
 
 
 @pytest.mark.parametrize("system", SYSTEMS)
-def test_the_parts_of_a_step_make_the_step(system):
-    worlds = oracles.worlds(system, 3)
-    for before, action, after in played(system, worlds):
-        trees.tree_map(np.testing.assert_array_equal, system.composed_transition(before, action, worlds), after)
-
-
-@pytest.mark.parametrize("system", SYSTEMS)
 def test_schedulers_decide_for_the_targets_that_are_there(system):
     """Target 3 alone is in the scene from step 14 to 21: choices and costs are those of a scene that has no other."""
     worlds, compared = oracles.worlds(system, 3), 0
@@ -166,13 +156,6 @@ def test_observation_and_figures_tell_who_is_there():
         for name in ("position_error", "position_variance", "nees"):
             np.testing.assert_array_equal(figures[name], np.where(here, full[name], 0.0))
     assert "present" not in full
-
-
-@pytest.mark.parametrize("system", SYSTEMS)
-def test_environment_keeps_gymnasiums_contract(system):
-    assert (
-        check_vector_env(partial(WaveformVectorEnv, replace(system, horizon=6, lifetime=3, births=(0, 1, 3)))) is None
-    )
 
 
 @pytest.mark.slow

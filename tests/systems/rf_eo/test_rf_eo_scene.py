@@ -1,18 +1,17 @@
 """The scene of the RF/EO platforms: what is drawn is what the state says, for every form of action and any numbers."""
 
 import math
-from itertools import pairwise
 
 import matplotlib.colors as colours
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
+from scene_plays import drawn, moment_of, of, played
 
-from wavegym.envs import WaveformVectorEnv
 from wavegym.envs.scenes import make_scene
 from wavegym.rendering.maps import colour
-from wavegym.systems.rf_eo.scene import DECADE, MOST, PlatformScene, draw_platform_map, place_of, received_caption
+from wavegym.systems.rf_eo.scene import DECADE, MOST, draw_platform_map, place_of, received_caption
 from wavegym.systems.rf_eo.system import RfEo, RfEoFar
 
 C = 299792458.0
@@ -24,37 +23,12 @@ SYSTEM = RfEo(looks=LOOKS[:2], starts=STARTS[:2], horizon=8)
 FAR = RfEoFar(action="library", looks=LOOKS[:2], horizon=8)
 
 
-def played(system, steps, seed=0, actions=None):
-    env = WaveformVectorEnv(system, 1, render_mode="rgb_array")
-    env.action_space.seed(seed)
-    env.reset(seed=seed)
-    for _ in range(steps):
-        env.step(env.action_space.sample() if actions is None else actions)
-    return env
-
-
-def moment_of(env):
-    return env._film._moment(0)
-
-
-def drawn(system, steps, seed=0, actions=None):
-    """Scene after so many steps, and its moment."""
-    moment = moment_of(played(system, steps, seed, actions))
-    scene = make_scene(system, Figure(figsize=(5.76, 6.4)).subfigures(1, 1))
-    scene.draw(moment)
-    return scene, moment
-
-
 def mapped(system, settings, seed=0):
     """Map after one step with settings (platform, 3), and the moment."""
     axes = Figure().subplots()
     moment = moment_of(played(system, 1, seed, system.action_set.encode(np.array([settings]))))
     draw_platform_map(axes, system, moment)
     return axes, moment
-
-
-def of(shade, artists):
-    return [a for a in artists if colours.same_color(a.get_color(), shade)]
 
 
 def measured(system, truth):
@@ -81,11 +55,6 @@ def markers(axes, filled):
         if line.get_marker() == "o" and (line.get_markerfacecolor() != "white") == filled:
             found.setdefault(colours.to_hex(line.get_color()), []).extend(line.get_xydata().tolist())
     return found
-
-
-@pytest.mark.parametrize("system", [SYSTEM, FAR])
-def test_the_systems_have_this_scene(system):
-    assert isinstance(drawn(system, 1)[0], PlatformScene)
 
 
 def test_the_map_is_to_scale_and_holds_trails_ellipses_and_platforms():
@@ -281,18 +250,3 @@ def test_any_numbers_are_drawn(form, platforms, targets):
         spots = [markers(axes, filled).get(colours.to_hex(colour(t)), []) for t in range(targets) for filled in (0, 1)]
         assert sum(map(len, spots)) == 3 * targets
     scene._map.figure.canvas.draw()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("system", [SYSTEM, FAR])
-def test_the_same_episode_gives_the_same_pixels_whatever_was_drawn_before(system):
-    env = played(system, 0)
-    env.action_space.seed(0)
-    frames = [env.render()[0]]
-    for _ in range(3):
-        env.step(env.action_space.sample())
-        frames.append(env.render()[0])
-    assert all((one != two).any() for one, two in pairwise(frames))
-    env.reset(seed=0)
-    assert (env.render()[0] == frames[0]).all()
-    assert (played(system, 3).render()[0] == frames[3]).all()

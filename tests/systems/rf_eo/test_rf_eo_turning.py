@@ -11,10 +11,8 @@ import oracles
 import pytest
 
 from wavegym.core import shortcuts, trees
-from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.sensors import platform_measurement
 from wavegym.systems.rf_eo.system import RfEo, RfEoFar
-from wavegym.testing import check_vector_env
 
 FORMS = ("box", "library", "joint")
 SLEW = 0.3
@@ -141,12 +139,6 @@ def test_observation_tells_the_side():
     known = shortcuts.measured_fields(system)
     assert [f.name for f in known.setting_fields] == ["look_1", "look_2"]
     np.testing.assert_array_equal(known.settings(after.belief), after.belief.looks)
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_environment_keeps_gymnasiums_contract(form):
-    system = RfEo(horizon=5, action=form, **NARROW)
-    assert check_vector_env(partial(WaveformVectorEnv, system)) is None
 
 
 def test_environment_plays_with_the_measurements_alone():

@@ -74,18 +74,6 @@ def test_whole_episodes(system):
     assert detections > 20
 
 
-@LOOPS
-def test_a_compiled_step_is_that_of_its_parts(system):
-    """Bit for bit."""
-    rng, worlds = np.random.default_rng(3), oracles.worlds(system, 9)
-    fused = composed = system.initial(worlds)
-    for action in held(system, rng, 9):
-        fused = shortcuts.fused_transition(system, fused, action, worlds)
-        composed = system.composed_transition(composed, action, worlds)
-        for one, other in zip((*fused.truth, *fused.belief), (*composed.truth, *composed.belief), strict=True):
-            np.testing.assert_array_equal(one, other)
-
-
 def test_measurements_are_those_of_the_truth():
     """Half paths and their rates at the world's SNR; 0 where nothing is detected or no pulse was sent."""
     state, worlds, rng = somewhere(MISTAKEN, 40, steps=3)
@@ -148,24 +136,6 @@ def test_predicted_outcomes_are_what_happens(system):
     assert updates > 100
 
 
-def test_candidates_and_their_own_outcomes():
-    """(env, candidate) and (1, candidate) equal the prediction of each candidate alone, bit for bit."""
-    state, _, rng = somewhere(SYSTEM, 6)
-    belief, everything = state.belief, SYSTEM.candidates()
-    draws = rng.random((6, 8, 2))
-    together = SYSTEM.predict(belief, np.tile(everything, (6, 1)), draws)
-    shared = SYSTEM.predict(belief, everything[None])
-    for c in everything:
-        alone = SYSTEM.predict(belief, np.full(6, c), draws[:, c])
-        expected = SYSTEM.predict(belief, np.full(6, c))
-        for name in belief._fields:
-            np.testing.assert_array_equal(getattr(together, name)[:, c], getattr(alone, name))
-            np.testing.assert_array_equal(getattr(shared, name)[:, c], getattr(expected, name))
-    np.testing.assert_array_equal(
-        SYSTEM.cost(shared), np.stack([SYSTEM.cost(oracles.rows(shared, e)) for e in range(6)])
-    )
-
-
 def test_expected_outcome_is_the_mean_over_all_outcomes():
     state, _, rng = somewhere(THREE, 20, steps=12)
     target = rng.integers(2, size=20)
@@ -225,16 +195,6 @@ def test_gain_is_what_a_look_takes_off_the_costs_to_come(system, wait, ahead):
             here, there = (system.predict(b, np.zeros(12, np.int64)) for b in (here, there))
         np.testing.assert_allclose(gain[:, c], total, rtol=1e-9, atol=1e-6)
         np.testing.assert_array_equal(gain[:, c] > 0, belief.visible[:, 35 + wait, c // 2])
-
-
-def test_gain_takes_a_wait_for_each_candidate_and_ends_with_the_episode():
-    state, _, rng = somewhere(SYSTEM, 7, steps=50)
-    wait = rng.integers(0, 15, size=(7, 8))
-    gain = shortcuts.gain(SYSTEM, state.belief, wait, 9)
-    for w in range(15):
-        np.testing.assert_array_equal(gain[wait == w], shortcuts.gain(SYSTEM, state.belief, w, 9)[wait == w])
-    assert (gain[wait >= 10] == 0).all()
-    assert (gain[wait < 10] > 0).any()
 
 
 def test_delay_is_how_long_it_takes():

@@ -8,8 +8,6 @@ import pytest
 from scipy.stats import chi2, poisson
 from urban_plays import LONG_UP, played
 
-from wavegym.core.errors import InputError
-from wavegym.core.parameters import make_checked
 from wavegym.core.system import State
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import rollout
@@ -132,17 +130,6 @@ def test_losing_a_track_never_pays():
     assert SYSTEM.cost(nothing) == pytest.approx(2 * SYSTEM.absent)
 
 
-def test_the_cost_is_that_of_the_cheapest_slots():
-    state = played(SYSTEM, f"fixed:{LONG_UP}", 5, stop=100)[-1]
-    _, P = Tracks(*state.belief[1:]).combined()
-    assert SYSTEM.absent == 5.0**2 + 2 * 10.0**2 + 2 * 1.0**2
-    for e in range(5):
-        each = []
-        for r, spread in zip(state.belief.existence[e], P[e], strict=True):
-            each.append(r * min(np.trace(spread), SYSTEM.absent) + (1 - r) * SYSTEM.absent)
-        assert SYSTEM.cost(state.belief)[e] == pytest.approx(sum(sorted(each)[:2]))
-
-
 def test_the_trace_is_that_of_all_tracks_in_use():
     belief = played(SYSTEM, f"fixed:{LONG_UP}", 5, stop=100)[-1].belief
     _, P = Tracks(*belief[1:]).combined()
@@ -183,31 +170,6 @@ def test_observation_is_the_mean_and_deviation_of_the_mixture():
     assert there.any()
 
 
-def test_metrics_are_counted_by_hand():
-    for state in played(SYSTEM, "round-robin", 4)[19::30]:
-        found = SYSTEM.state_info(state)
-        x, P = Tracks(*state.belief[1:]).combined()
-        for e in range(4):
-            sure = np.flatnonzero(state.belief.status[e] == CONFIRMED)
-            assert found["confirmed"][e] == len(sure)
-            false = 0
-            for s in sure:
-                off = np.linalg.norm(state.truth.targets[e, state.truth.present[e], :2] - x[e, s, :2], axis=1)
-                false += off.min() > 20.0
-            assert found["false"][e] == false
-            for g in range(2):
-                off = {s: np.linalg.norm(state.truth.targets[e, g, :2] - x[e, s, :2]) for s in sure}
-                near = min(off, key=off.__getitem__) if off else None
-                held = bool(state.truth.present[e, g]) and near is not None and off[near] <= 20.0
-                assert found["held"][e, g] == held
-                assert found["position_error"][e, g] == pytest.approx(
-                    off[near] if held else 20.0 if state.truth.present[e, g] else 0.0
-                )
-                if held:
-                    d = state.truth.targets[e, g, :4] - x[e, near, :4]
-                    assert found["nees"][e, g] == pytest.approx(d @ np.linalg.solve(P[e, near, :4, :4], d))
-
-
 def test_with_no_track_the_one_step_scheduler_sends_the_longer_pulse():
     """Without tracks all costs are equal and the first waveform is sent; with tracks the greater energy wins."""
     belief = SYSTEM.initial(oracles.worlds(SYSTEM, 3)).belief
@@ -215,40 +177,6 @@ def test_with_no_track_the_one_step_scheduler_sends_the_longer_pulse():
     assert (costs == costs[:, :1]).all()
     always, myopic = (played(SYSTEM, policy, 5)[-1] for policy in (f"fixed:{LONG_UP}", "myopic"))
     np.testing.assert_allclose(SYSTEM.cost(always.belief), SYSTEM.cost(myopic.belief), rtol=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"city": "intersektion"}, "city is 'intersektion', expected one of 'intersection'"),
-        ({"transmitters": ((2000.0, 1600.0),)}, "inside a building"),
-        ({"path": ((30.0, 0.0, 0.3),)}, "path leads into a building"),
-        ({"start": (2000.0, 1600.0)}, "path (begins in|leads into) a building"),
-        ({"durations": ()}, "library is empty"),
-        ({"transmitters": ()}, r"transmitters is \(\), expected at least one"),
-        ({"arrivals": ()}, "arrivals is"),
-        ({"charged": 9}, "charged is 9, expected 1 to 8 slots"),
-        ({"horizon": 0}, "horizon is 0"),
-        ({"tracker": "imm"}, "tracker is 'imm'"),
-        ({"slots": 0}, "slots is 0, expected an integer >= 1"),
-        ({"arrivals": (float("nan"),)}, "arrivals.0 is nan"),
-        ({"weights": (1.0, -1.0, 1.0)}, r"weights\.1 is -1\.0"),
-        ({"weights": (0.0, 0.0, 0.0)}, r"sum of weights is 0\.0"),
-        ({"clutter_density": 0.0}, r"clutter_density is 0\.0"),
-        ({"clutter_density": 1.0}, "false returns of a pair in a scan are 1.124e"),
-        ({"transmitters": ((2085.0, float("nan")),)}, "transmitters.0.1 is nan"),
-        ({"receivers": ((1e6, 1e6), (2078.0, 1467.0))}, "m from the nearest road, expected at most twice the reach"),
-        ({"clutter_density": -1.0, "fidelity": "signal"}, r"clutter_density is -1\.0"),
-        ({"receivers": ((2088.0, 1475.0),)}, "expected at least two"),
-        ({"array_axes": (0.0,)}, "array_axes has 1 azimuths, expected 2, one for each receiver"),
-        ({"truth": {"slots": 3}}, "truth has 'slots', expected one of "),
-        ({"truth": {"arrivals": (0.0,)}}, "truth has arrivals of 1 targets, expected 2"),
-    ],
-)
-def test_mistakes(change, message):
-    with pytest.raises(InputError, match=message) as error:
-        make_checked(Urban, change)
-    assert "\n" not in str(error.value)
 
 
 def test_the_belief_has_the_fields_of_tracks():

@@ -149,7 +149,7 @@ def test_losing_a_track_never_pays(since):
 
 @pytest.mark.slow
 def test_the_truth_may_differ_from_the_belief():
-    """More clutter than assumed, and more agile drivers: the world changes, prediction and cost of a belief do not."""
+    """More clutter than assumed, and more agile drivers."""
     count = 50
     worlds = oracles.worlds(SYSTEM, count)
     changed = Urban(truth={"clutter_density": 4e-3, "sigma": 1.0})
@@ -158,23 +158,5 @@ def test_the_truth_may_differ_from_the_belief():
     )
     ratio = other.truth.number.sum() / one.truth.number.sum()
     assert abs(ratio - 4.0) < 4.5 * 4.0 * np.sqrt(1.25 / one.truth.number.sum())
-    np.testing.assert_array_equal(changed.cost(one.belief), SYSTEM.cost(one.belief))
-    predicted = (system.predict(one.belief, np.arange(4)[None]) for system in (changed, SYSTEM))
-    for a, b in zip(*predicted, strict=True):
-        np.testing.assert_array_equal(a, b)
     means = [Errors(system, count).mean_nees()[0] for system in (SYSTEM, changed)]
     assert means[1] > 1.5 * means[0]
-
-
-def test_a_truth_equal_to_the_belief_changes_nothing():
-    worlds = oracles.worlds(SYSTEM, 5)
-    same = Urban(truth={"sigma": SYSTEM.sigma, "reference_snr": SYSTEM.reference_snr})
-    states = [system.initial(worlds) for system in (SYSTEM, same)]
-    for k in range(60):
-        states = [
-            system.transition(state, np.full(5, k % 4), worlds)
-            for system, state in zip((SYSTEM, same), states, strict=True)
-        ]
-    for half in (0, 1):
-        for a, b in zip(states[0][half], states[1][half], strict=True):
-            np.testing.assert_array_equal(a, b)

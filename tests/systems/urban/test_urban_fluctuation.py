@@ -9,13 +9,10 @@ import oracles
 import pytest
 from scipy import stats
 
-from wavegym.core.errors import InputError
-from wavegym.core.parameters import make_checked
 from wavegym.core.system import State
 from wavegym.sensors import detection_probability
 from wavegym.systems.urban.signal import UrbanSignal
 from wavegym.systems.urban.system import Urban
-from wavegym.testing import check_vector_env
 
 PLAIN = "roads = [{centre = [[1900, 1505], [2200, 1505]], width = 30}]"
 SCAN = 30
@@ -198,20 +195,3 @@ def test_signals_have_errors_of_their_own():
     predicted = [system.predict(belief, np.arange(4)[None]).P for system in (mean, world, realised)]
     np.testing.assert_array_equal(predicted[0], predicted[1])
     assert (predicted[0] != predicted[2]).any()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("settings", [{"fluctuation": "swerling3", "searched": 3}, {"direction_of_arrival": False}])
-def test_errors_at_the_realised_snr_conform(settings):
-    check_vector_env("wavegym/Urban-v0", horizon=12, arrivals=(-10.0, 0.0), error_snr="realised", **settings)
-
-
-def test_mistakes():
-    with pytest.raises(InputError, match="searched is 2, expected 3 with fidelity='signal'"):
-        make_checked(UrbanSignal, {"searched": 2})
-    with pytest.raises(InputError, match="error_snr is 'realized', expected one of 'mean', 'realised'; did you mean"):
-        make_checked(Urban, {"error_snr": "realized"})
-    with pytest.raises(InputError, match=r"fluctuation.*swerling5"):
-        make_checked(Urban, {"fluctuation": "swerling5"})
-    with pytest.raises(InputError, match="searched"):
-        make_checked(Urban, {"searched": -1})

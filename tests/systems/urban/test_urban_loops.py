@@ -8,7 +8,6 @@ import pytest
 from urban_plays import LONG_UP, headline
 
 from wavegym.systems.urban.system import Urban
-from wavegym.testing import check_vector_env
 
 PAPER = {"direction_of_arrival": False, "truth": {"sigma": 0.0}}
 PUBLISHED = {**PAPER, "vaguest": 12.0, "durations": (0.5e-6, 1.375e-6)}
@@ -58,13 +57,6 @@ def test_each_of_several_transmitters_has_its_own_waveform():
     assert (cost[:, 3:] <= cost + 1e-9).all()
     assert (cost[:, :1] >= cost - 1e-9).all()
     assert (cost[:, 1] != cost[:, 2]).all()
-
-
-@pytest.mark.slow
-def test_joint_choices_of_several_transmitters_conform():
-    check_vector_env(
-        "wavegym/Urban-v0", horizon=12, arrivals=(-10.0, 0.0), transmitters=((2085.0, 1470.5), (2060.0, 1530.0))
-    )
 
 
 @pytest.mark.slow

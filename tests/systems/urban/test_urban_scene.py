@@ -1,17 +1,13 @@
 """The urban scene: it draws what the state holds, for any number of antennas, targets and slots."""
 
-from itertools import pairwise
-
 import matplotlib.colors as colours
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Polygon, Rectangle
+from scene_plays import drawn, marked, of
 
-from wavegym.envs import WaveformVectorEnv
-from wavegym.envs.scenes import make_scene
 from wavegym.rendering.maps import colour
-from wavegym.systems.urban.scene import FAINT, SHADES, SURE, UNSURE, UrbanScene, folded, scan_caption
+from wavegym.systems.urban.scene import FAINT, SHADES, SURE, UNSURE, folded, scan_caption
 from wavegym.systems.urban.system import Urban
 from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, TENTATIVE, Tracks
 
@@ -20,33 +16,9 @@ SYSTEM = Urban()
 BOTH_HELD = 90  # step of seed 0 at which both targets are in the crossing
 
 
-def played(system, steps, seed=0):
-    env = WaveformVectorEnv(system, 1, render_mode="rgb_array")
-    env.reset(seed=seed)
-    for _ in range(steps):
-        env.step(LONG_UP)
-    return env
-
-
-def drawn(system, steps, seed=0):
-    """Scene after so many steps, and its moment."""
-    moment = played(system, steps, seed)._film._moment(0)
-    scene = make_scene(system, Figure(figsize=(5.76, 6.4)).subfigures(1, 1))
-    scene.draw(moment)
-    return scene, moment
-
-
 @pytest.fixture(scope="module")
 def crossing():
-    return drawn(SYSTEM, BOTH_HELD)
-
-
-def of(shade, artists):
-    return [a for a in artists if colours.same_color(a.get_color(), shade)]
-
-
-def marked(marker, artists):
-    return [a for a in artists if a.get_marker() == marker]
+    return drawn(SYSTEM, BOTH_HELD, actions=LONG_UP)
 
 
 def tracks_of(state):
@@ -61,10 +33,6 @@ def plain(states, transmitter, receiver):
         distance = np.linalg.norm(off, axis=1)
         r, rate = r + distance / 2, rate + (off * states[:, 2:4]).sum(axis=1) / distance / 2
     return np.stack([r, rate], axis=1)
-
-
-def test_the_system_has_this_scene(crossing):
-    assert isinstance(crossing[0], UrbanScene)
 
 
 def test_the_map_is_to_scale_and_shows_buildings_and_antennas(crossing):
@@ -96,7 +64,7 @@ def test_the_map_shows_targets_with_their_trails_and_visible_paths(crossing):
 
 @pytest.mark.parametrize("steps", [30, BOTH_HELD])
 def test_the_map_shows_every_track_with_its_ellipse(steps):
-    scene, moment = drawn(SYSTEM, steps)
+    scene, moment = drawn(SYSTEM, steps, actions=LONG_UP)
     now = moment.states[-1]
     x, P = tracks_of(now).combined()
     for status, style in ((TENTATIVE, UNSURE), (CONFIRMED, SURE)):
@@ -111,7 +79,7 @@ def test_the_map_shows_every_track_with_its_ellipse(steps):
 
 
 def test_before_the_crossing_a_target_has_paths_over_walls_only():
-    scene, moment = drawn(SYSTEM, 20)
+    scene, moment = drawn(SYSTEM, 20, actions=LONG_UP)
     trail, cross = of(colour(0), scene._map.lines)
     assert len(trail.get_xdata()) == 21
     assert len(cross.get_xdata()) == 1
@@ -156,7 +124,7 @@ def test_errors_are_those_of_the_metrics_where_a_target_is_held(crossing):
 
 @pytest.mark.parametrize("steps", [30, BOTH_HELD])
 def test_a_bar_is_as_long_as_its_track_is_sure(steps):
-    scene, moment = drawn(SYSTEM, steps)
+    scene, moment = drawn(SYSTEM, steps, actions=LONG_UP)
     belief = moment.states[-1].belief
     bars = [patch for patch in scene._slots.patches if isinstance(patch, Rectangle)]
     for slot in range(SYSTEM.slots):
@@ -186,21 +154,7 @@ def test_the_caption_counts(crossing):
     ],
 )
 def test_any_numbers_are_drawn(changes):
-    scene, moment = drawn(Urban(**changes), 45)
+    scene, moment = drawn(Urban(**changes), 45, actions=LONG_UP)
     present = moment.states[-1].truth.present[0]
     assert len(marked("x", scene._map.lines)) == present.sum()
     scene._map.figure.canvas.draw()
-
-
-@pytest.mark.slow
-def test_the_same_episode_gives_the_same_pixels_whatever_was_drawn_before():
-    env = played(SYSTEM, 0)
-    frames = [env.render()[0]]
-    for _ in range(2):
-        for _ in range(20):
-            env.step(LONG_UP)
-        frames.append(env.render()[0])
-    assert all((one != two).any() for one, two in pairwise(frames))
-    env.reset(seed=0)
-    assert (env.render()[0] == frames[0]).all()
-    assert (played(SYSTEM, 40).render()[0] == frames[2]).all()

@@ -31,7 +31,6 @@ from research.papers.agile_clutter.study import (
 from research.papers.agile_clutter.table import markdown
 from research.papers.estimates import share_estimate
 from wavegym.core import shortcuts
-from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import Fixed, Myopic, Progressive, rollout
 from wavegym.schedulers.tuning import best_fixed
@@ -72,6 +71,7 @@ def test_every_policy_meets_the_same_worlds_in_every_setting(study):
     assert [np.flatnonzero(column)[[0, -1]].tolist() for column in present.T] == [[0, 24], [7, 31]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clutter", ["clutter", "no clutter"])
 @pytest.mark.parametrize("policy", [FULL, FREE, "agile LFM", BEST_FIXED])
 def test_runs_are_those_of_the_system(study, clutter, policy):
@@ -243,19 +243,3 @@ def test_where_no_run_is_kept_there_are_no_numbers(study):
     text = f"{markdown(summary)}{claims.markdown(check_claims(summary))}"
     assert "nan" not in text
     assert "None" not in text
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        ({"runs": 0}, "runs is 0"),
-        ({"jobs": 0}, "jobs is 0"),
-        ({"seed": -1}, "seed is -1"),
-        ({"tuning": 0}, "tuning is 0"),
-        ({"tracker": "kalman"}, "tracker is 'kalman'"),
-    ],
-)
-def test_mistakes_are_found_before_any_run(monkeypatch, settings, words):
-    monkeypatch.setattr(agile_clutter, "_play", None)
-    with pytest.raises(InputError, match=words):
-        play(**{"runs": 1, **settings})

@@ -9,11 +9,8 @@ from pathlib import Path
 import pytest
 from planted import of_mean, of_ratio, verdict_on
 
-from research.papers import claims
 from research.papers.rf_eo.claims import OBJECTIVES, check_claims
-from research.papers.rf_eo.numbers import summarise
-from research.papers.rf_eo.study import ADAPTIVE, CONSTANT, FAR, INFORMATION, PROPOSED, PUBLISHED, Runs, Study
-from research.papers.rf_eo.table import markdown
+from research.papers.rf_eo.study import ADAPTIVE, CONSTANT, FAR, INFORMATION, PROPOSED, PUBLISHED
 
 RESULTS = Path(__file__).parents[4] / "results" / "rf_eo" / "summary.json"
 LEAST, PAPER = OBJECTIVES[ADAPTIVE], OBJECTIVES[INFORMATION]
@@ -105,15 +102,3 @@ def test_tracks_are_lost_later_if_the_last_interval_is_above_the_first(summary, 
     windows[0]["over_myopic"], windows[-1]["over_myopic"] = of_ratio(3.0, 4.0), of_ratio(*last)
     case = f"published, steps {windows[-1]['first']} to {windows[-1]['last']}"
     assert verdict_on(check_claims(summary), "The fixed settings lose the targets later", case) == verdict
-
-
-def test_a_single_run_has_no_interval_and_no_verdict(rf_eo_study):
-    one = {case: Runs(*(array[:1] for array in runs)) for case, runs in rf_eo_study.runs.items()}
-    summary = summarise(Study(rf_eo_study.seed, one, rf_eo_study.tuned))
-    assert summary["scenes"][PUBLISHED]["policies"][ADAPTIVE]["cost"]["ci"] is None
-    rows = check_claims(summary)
-    order = "The fixed settings have a larger RMSE"
-    assert verdict_on(rows, order, PUBLISHED) == "undecided"
-    text = f"{markdown(summary)}{claims.markdown(rows)}"
-    assert "nan" not in text
-    assert "None" not in text

@@ -31,7 +31,6 @@ from research.papers.rf_eo.study import (
     system,
 )
 from wavegym.core import shortcuts
-from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation import make_task
 from wavegym.evaluation import play as shell
@@ -202,19 +201,3 @@ def test_shares_of_runs_have_exact_intervals(rf_eo_study, rf_eo_summary):
     exact = binomtest(count, RUNS).proportion_ci(0.95, method="exact")
     reported = rf_eo_summary["scenes"][FAR]["policies"]["random"]["missed_first"]
     assert reported["ci"] == pytest.approx([exact.low, exact.high])
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        ({"runs": 0}, "runs is 0"),
-        ({"jobs": 0}, "jobs is 0"),
-        ({"seed": -1}, "seed is -1"),
-        ({"tuning": 0}, "tuning is 0"),
-        ({"horizon": -1}, "horizon is -1"),
-    ],
-)
-def test_mistakes_are_found_before_any_run(monkeypatch, settings, words):
-    monkeypatch.setattr(rf_eo, "_play", None)
-    with pytest.raises(InputError, match=words):
-        play(**{"runs": 1, **settings})

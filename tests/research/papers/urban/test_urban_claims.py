@@ -9,11 +9,9 @@ from pathlib import Path
 import pytest
 from planted import of_mean, of_ratio, verdict_on
 
-from research.papers import claims
 from research.papers.urban.claims import MODELS_ALONE, ONE_MODEL, SCHEDULER_ALONE, check_claims
-from research.papers.urban.numbers import figures_of, phase_of, summarise
-from research.papers.urban.study import CLOSED, LOOSE, SETTINGS, STRICT, Runs, Study
-from research.papers.urban.table import markdown
+from research.papers.urban.numbers import figures_of, phase_of
+from research.papers.urban.study import CLOSED, LOOSE, SETTINGS, STRICT
 
 RESULTS = Path(__file__).parents[4] / "results" / "urban" / "summary.json"
 EMERGENT = "The gain is emergent"
@@ -117,14 +115,3 @@ def test_the_gain_is_larger_with_strict_starts(summary, last, verdict):
         found["over_open"]["confirmed"] = of_ratio(*ends)
     text = "The gain in confirmed tracks is larger with strict starts"
     assert verdict_on(check_claims(summary), text, "strictest start") == verdict
-
-
-def test_a_single_run_has_no_interval_and_no_verdict(urban_study):
-    one = {case: Runs(*(array[:1] for array in runs)) for case, runs in urban_study.runs.items()}
-    summary = summarise(Study(urban_study.seed, one))
-    assert figures_of(summary, LOOSE, CLOSED)["rmse"]["ci"] is None
-    rows = check_claims(summary)
-    assert verdict_on(rows, "The closed loop has less RMS error", LOOSE) == "undecided"
-    text = f"{markdown(summary)}{claims.markdown(rows)}"
-    assert "nan" not in text
-    assert "None" not in text

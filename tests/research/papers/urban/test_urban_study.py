@@ -11,7 +11,6 @@ from small_studies import URBAN_RUNS as RUNS
 from small_studies import URBAN_SEED as SEED
 
 from research.papers.estimates import rms_estimate, rms_ratio
-from research.papers.urban import study as urban
 from research.papers.urban.motion_models import models, phases, probability
 from research.papers.urban.numbers import confirmed_curve, rmse_curve
 from research.papers.urban.pictures import no_target
@@ -31,10 +30,8 @@ from research.papers.urban.study import (
     STARTS,
     STRICT,
     Case,
-    play,
     system,
 )
-from wavegym.core.errors import InputError
 from wavegym.core.worlds import draw_worlds, word, world_seeds
 from wavegym.evaluation import statistics
 from wavegym.schedulers.registry import make_policy
@@ -228,13 +225,3 @@ def test_shares_of_all_scans_have_exact_intervals(urban_summary):
     reported = urban_summary["settings"][STRICT]["systems"][GHOSTS[True]][CLOSED[0]][CLOSED[1]]["long"]
     exact = binomtest(RUNS, RUNS).proportion_ci(0.95, method="exact")
     assert reported == {"mean": 1.0, "ci": pytest.approx([exact.low, exact.high])}
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [({"runs": 0}, "runs is 0"), ({"jobs": 0}, "jobs is 0"), ({"seed": -1}, "seed is -1")],
-)
-def test_mistakes_are_found_before_any_run(monkeypatch, settings, words):
-    monkeypatch.setattr(urban, "_play", None)
-    with pytest.raises(InputError, match=words):
-        play(**{"runs": 1, **settings})
