@@ -169,7 +169,11 @@ def test_a_folder_that_cannot_be_made_is_a_mistake_too(tmp_path, capsys):
         (agile_clutter_study, {"tracker": "kalman"}, "tracker is 'kalman'"),
         (rf_eo_study, {"tuning": 0}, "tuning is 0"),
         (rf_eo_study, {"horizon": -1}, "horizon is -1"),
-        *((urban_study, {name: value}, f"{name} is {value}") for name, value in (("runs", 0), ("jobs", 0))),
+        *(
+            (study, {name: value}, f"{name} is {value}")
+            for study in (agile_clutter_study, rf_eo_study, urban_study)
+            for name, value in (("runs", 0), ("jobs", 0), ("seed", -1))
+        ),
     ],
 )
 def test_mistakes_are_found_before_any_run(monkeypatch, study, settings, words):
