@@ -18,6 +18,12 @@ from street import LIVE, Street
 COUNT = 12
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _visible_paths():
+    """All streets share the tables of their map, which take four seconds."""
+    Street()
+
+
 def begun(**settings):
     system = Street(**settings)
     worlds = draw_worlds(system, world_seeds(0, "tune", COUNT))
