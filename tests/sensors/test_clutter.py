@@ -222,7 +222,7 @@ THIN = np.array([[400.0, -399.0 * 3], [-399.0 * 3, 400.0 * 9]])
 
 
 @pytest.mark.parametrize("covariance", [S, 0.01 * S, np.array([THIN, S[1], 0.1 * THIN])])
-@pytest.mark.parametrize("density", [0.002, 0.05])
+@pytest.mark.parametrize("density", [0.002, pytest.param(0.05, marks=pytest.mark.slow)])
 def test_a_gate_holds_exactly_the_points_of_the_field_inside_it(covariance, density):
     """Small, large and slanted gates miss no cell: the whole field of the box around them is the reference."""
     reach = GATE * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))

@@ -142,6 +142,7 @@ CLOSED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", CLOSED, ids=str)
 def test_transition_is_the_plain_step(settings):
     """From each state of the system's own episode; random settings of the whole box, so that much is out of view.
