@@ -74,6 +74,18 @@ def own_environments() -> Iterator[None]:
         gym.registry.pop(id)
 
 
+@pytest.fixture(scope="module")
+def delay_environment() -> Iterator[None]:
+    """A small system with delays as the environment of a ladder."""
+    from delay_systems import DelaySystem
+
+    import wavegym
+
+    wavegym.register("tests/Delay-v0", DelaySystem, horizon=6)
+    yield
+    gym.registry.pop("tests/Delay-v0")
+
+
 @pytest.fixture(scope="session")
 def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Folders of one PPO and one DQN run that nothing has interrupted, trained once for all tests."""

@@ -6,26 +6,17 @@ import json
 import re
 from dataclasses import replace
 
-import gymnasium as gym
 import numpy as np
 import pytest
-from delay_systems import DelaySystem
 
-import wavegym
 from agents import headroom_page
 from wavegym.core.errors import InputError
 from wavegym.evaluation import headroom, planner_sweep
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.play import Played
 
+pytestmark = pytest.mark.usefixtures("delay_environment")
 DELAY = "tests/Delay-v0"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def delay_environment():
-    wavegym.register(DELAY, DelaySystem, horizon=6)
-    yield
-    gym.registry.pop(DELAY)
 
 
 def played(costs, errors=None):

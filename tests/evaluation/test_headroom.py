@@ -5,26 +5,17 @@ import lzma
 import re
 import shutil
 
-import gymnasium as gym
 import numpy as np
 import pytest
-from delay_systems import DelaySystem
 
-import wavegym
 from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, headroom
 from wavegym.schedulers import tuned_constants
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy
 from wavegym.schedulers.planners import MonteCarloTree, RecedingHorizon, RolloutPlanner
 
+pytestmark = pytest.mark.usefixtures("delay_environment")
 DELAY = "tests/Delay-v0"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def delay_environment():
-    wavegym.register(DELAY, DelaySystem, horizon=6)
-    yield
-    gym.registry.pop(DELAY)
 
 
 @pytest.mark.slow
