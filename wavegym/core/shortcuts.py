@@ -68,11 +68,11 @@ class Shortcut(Generic[P, R]):
         KINDS[self.name] = self  # a module may be loaded again
 
     def __reduce__(self) -> str:
-        """A pickle names it, as it does a function."""
+        """A pickle holds the name, as for a function."""
         return self.name
 
     def register(self, cls: type) -> Callable[[Function], Function]:
-        """A decorator of the function that does it for systems of this class and of its subclasses."""
+        """A decorator of the implementation for systems of this class and of its subclasses."""
         if not isinstance(cls, type):
             raise InputError(f"{self.name} was registered for {cls!r}, expected a class of systems")
 

@@ -50,7 +50,7 @@ class Measurements(NamedTuple):
 
 
 class Belief(NamedTuple):
-    """The tracks (``wavegym.trackers.Tracks``) at a step."""
+    """The tracks (``wavegym.systems.urban.Tracks``) at a step."""
 
     step: Array  # (env,)
     x: Array  # (env, slot, model, 6)
