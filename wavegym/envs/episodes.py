@@ -181,10 +181,7 @@ class Episodes:
             return *self.observe(), np.zeros(self.num_envs), {}
         measured: Any = self._measured(actions) if self.measurements or self._received is not None else None
         before = Before(self.state, actions, self.world, self._memory, self._received, measured, keep)
-        if self._threads == 1:
-            after = self._advanced(before)
-        else:
-            after = in_chunks(self._advanced, before, self.num_envs, self._threads)
+        after: After = in_chunks(self._advanced, before, self.num_envs, self._threads)
         self._state, self._received, terms = after.state, after.received, after.transition_info
         if self.measurements:
             terms = {**terms, **{f"measured_{name}": values for name, values in measured._asdict().items()}}
