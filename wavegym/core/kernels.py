@@ -34,7 +34,7 @@ _IMPORT = re.compile(r"^(?:from\s+(\S+)\s+import\s+(\([^)]*\)|.*)|import\s+(.*))
 
 
 def _caches() -> Path:
-    """The folder of all caches: of Numba's setting, else of the user."""
+    """The folder of all caches, in the folder of Numba's setting or else in the user's cache folder."""
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return Path(_SETTINGS.CACHE_DIR or user) / "wavegym" / "kernels"
 
@@ -84,7 +84,7 @@ class _Locator(caching._CacheLocator):
         return _cache_folder(self._function.__module__)
 
     def get_source_stamp(self) -> str:
-        """Nothing: the folder is named by the sources."""
+        """An empty stamp: the name of the folder is a hash of the sources."""
         return ""
 
     def get_disambiguator(self) -> str:
@@ -93,7 +93,7 @@ class _Locator(caching._CacheLocator):
 
 
 class _Files(caching.IndexDataCacheFile):
-    """A file for each version of a function. Numba's index of versions loses some where processes write it at once."""
+    """One file for each version of a function. Numba's index loses versions when several processes write it at once."""
 
     def save(self, key: Any, data: Any) -> None:
         """Write a version."""
