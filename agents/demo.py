@@ -44,14 +44,14 @@ def demo(arguments: Sequence[str] | None) -> None:
     """Train, compare, print."""
     options = parser().read(arguments)
     from wavegym.cli.evaluate import evaluate
-    from wavegym.learning.run_spec import RunSpec
     from wavegym.learning.settings import load_settings
     from wavegym.learning.train import train
+    from wavegym.learning.training_run import TrainingRun
 
     out = unused(options.out.absolute())
     settings = load_settings(ENV, "ppo", {"steps": options.steps, "variants": ()})
     print(f"training PPO on {ENV} for {settings.steps} steps, half a minute or more", flush=True)
-    train(RunSpec(ENV, "ppo", 0, settings), out / "ppo", CHECKPOINT_EVERY)
+    train(TrainingRun(ENV, "ppo", 0, settings), out / "ppo", CHECKPOINT_EVERY)
     print(f"comparing it with the analytic schedulers on {options.worlds} test worlds", flush=True)
     evaluate([ENV, "--policies", f"{SCHEDULERS},{out / 'ppo'}", "--worlds", str(options.worlds), "--out", str(out)])
     print(f"the picture: {out / 'comparison.png'}")

@@ -106,17 +106,17 @@ def train_missing(name: str, experiment: Experiment, jobs: int) -> None:
 
 
 def _train(env: str, shared: tuple[str, ...], agent: Agent, seed: int, folder: Path) -> None:
-    from wavegym.learning.run_spec import RunSpec
     from wavegym.learning.settings import load_settings
     from wavegym.learning.train import train
+    from wavegym.learning.training_run import TrainingRun
     from wavegym.policies.runs import RUN
 
     if (folder / RUN).exists():
         return
     parameters = {**named_values(shared), **named_values(agent.parameters)}
     settings = load_settings(env, agent.algo, named_values(agent.settings), parameters)
-    spec = RunSpec(env, agent.algo, seed, settings)
-    train(spec, folder, checkpoint_every=200_000, resume=(folder / "run_spec.json").exists(), progress=False)
+    run = TrainingRun(env, agent.algo, seed, settings)
+    train(run, folder, checkpoint_every=200_000, resume=(folder / "training.json").exists(), progress=False)
 
 
 def run_folder(experiment: str, agent: str) -> Path:

@@ -89,11 +89,11 @@ def delay_environment() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def unbroken(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Folders of one PPO and one DQN run that nothing has interrupted, trained once for all tests."""
-    from runs_for_tests import EVERY, small_spec
+    from runs_for_tests import EVERY, small_run
 
     from wavegym.learning.train import train
 
     folders = {algo: tmp_path_factory.mktemp("unbroken") / algo for algo in ("ppo", "dqn")}
     for algo, folder in folders.items():
-        train(small_spec(algo), folder, EVERY[algo], progress=False)
+        train(small_run(algo), folder, EVERY[algo], progress=False)
     return folders

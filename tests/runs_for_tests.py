@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from stable_baselines3 import DQN, PPO
 
-from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
+from wavegym.learning.training_run import TrainingRun
 
 ID = "wavegym/KershawEvansPosition-v0"
 ENVIRONMENT = {"horizon": 7, "max_episode_steps": 6}
@@ -42,9 +42,9 @@ SMALL: dict[str, dict[str, Any]] = {
 EVERY = {"ppo": 60, "dqn": 50}
 
 
-def small_spec(algo: str, seed: int = 1, **changes: Any) -> RunSpec:
+def small_run(algo: str, seed: int = 1, **changes: Any) -> TrainingRun:
     """A training of 300 steps, a second or so."""
-    return RunSpec(ID, algo, seed, load_settings(ID, algo, {**SMALL[algo], **changes}, ENVIRONMENT))
+    return TrainingRun(ID, algo, seed, load_settings(ID, algo, {**SMALL[algo], **changes}, ENVIRONMENT))
 
 
 def arguments(algo: str, out: Path, *more: str) -> list[str]:

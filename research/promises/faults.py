@@ -53,7 +53,7 @@ def disturbed(name: str, out: Path, kills: int, seconds: float, chance: random.R
     """
     command = [*WAVEGYM, *COMMANDS[name][0], "--out", str(out)]
     for done in range(kills + 1):
-        resumed = ["--resume"] if name == "train" and (out / "run_spec.json").exists() else []
+        resumed = ["--resume"] if name == "train" and (out / "training.json").exists() else []
         process = subprocess.Popen([*command, *resumed], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         if done == kills or not killed(process, chance.uniform(0.1, 0.8) * seconds, chance.choice(SIGNALS)):
             if process.wait() != 0:

@@ -72,7 +72,7 @@ def test_a_folder_that_holds_a_run_is_not_touched(
     folder = unbroken["ppo"]
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
     assert train.main(arguments("ppo", folder)) == 2
-    assert "already holds a run (run_spec.json), expected a new folder or --resume" in capsys.readouterr().err
+    assert "already holds a run (training.json), expected a new folder or --resume" in capsys.readouterr().err
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
 
 

@@ -12,9 +12,9 @@ from runs_for_tests import ENVIRONMENT, ID, SMALL
 
 import wavegym
 from wavegym.core.errors import InputError
-from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
 from wavegym.learning.train import train
+from wavegym.learning.training_run import TrainingRun
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
 OWN = "tests/Own-v0"
@@ -53,8 +53,8 @@ def test_an_environment_that_cannot_be_played_leaves_the_folder_unused(own: str,
     settings = load_settings(own, "ppo", {**SMALL["ppo"], "reward": "relative"}, ENVIRONMENT)
     folder = tmp_path / "run"
     with pytest.raises(InputError, match=words):
-        train(RunSpec(own, "ppo", 1, settings), folder, 60, progress=False)
+        train(TrainingRun(own, "ppo", 1, settings), folder, 60, progress=False)
     assert not folder.exists()
     mended = load_settings(ID, "ppo", {**SMALL["ppo"], "steps": 30}, ENVIRONMENT)
-    train(RunSpec(ID, "ppo", 1, mended), folder, 60, progress=False)
+    train(TrainingRun(ID, "ppo", 1, mended), folder, 60, progress=False)
     assert (folder / "run.json").exists()

@@ -35,8 +35,8 @@ from wavegym.learning.imitation import (
 )
 from wavegym.learning.mixture import Mixture
 from wavegym.learning.models import build_model, systems_of
-from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
+from wavegym.learning.training_run import TrainingRun
 from wavegym.policies.networks import LearnedPolicy
 from wavegym.schedulers import Fixed, Myopic
 from wavegym.schedulers.planners import RolloutPlanner
@@ -49,14 +49,14 @@ WORLDS = draw_worlds(SYSTEM, training_seeds(9, 0, 40))
 TEACHER = make_policy("cost-of-delay", SYSTEM, None)
 
 
-def spec(**changes: Any) -> RunSpec:
+def run(**changes: Any) -> TrainingRun:
     own = {"policy": "scorer", "network": (32,), "forecasts": True, "masks": False}
-    return RunSpec(ID, "ppo", 3, load_settings(ID, "ppo", {**SMALL["ppo"], **own, **changes}))
+    return TrainingRun(ID, "ppo", 3, load_settings(ID, "ppo", {**SMALL["ppo"], **own, **changes}))
 
 
 def test_the_dataset_holds_the_teachers_labels_in_the_states_of_the_actor() -> None:
     seen, labels = demonstrations(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
-    assert seen.shape == (40 * SYSTEM.horizon, build_model(spec()).observation_space.shape[0])
+    assert seen.shape == (40 * SYSTEM.horizon, build_model(run()).observation_space.shape[0])
     elsewhere, corrected = demonstrations(
         SYSTEM, TEACHER, Fixed(0), WORLDS, forecasts=True, rng=np.random.default_rng(0)
     )
@@ -102,7 +102,7 @@ def test_between_queries_the_teacher_repeats_its_last_action() -> None:
 
 @pytest.mark.slow
 def test_imitation_brings_the_actor_to_the_teacher_and_leaves_the_critic() -> None:
-    model: Any = build_model(spec())
+    model: Any = build_model(run())
     critic = {n: p.detach().clone() for n, p in model.policy.named_parameters() if "value_net" in n}
     seen, labels = demonstrations(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
 
@@ -119,7 +119,7 @@ def test_imitation_brings_the_actor_to_the_teacher_and_leaves_the_critic() -> No
 
 
 def test_training_with_a_teacher_starts_from_it_and_the_same_seed_gives_the_same_actor() -> None:
-    chosen = spec(teacher="cost-of-delay", teacher_episodes=10, imitation_rounds=2, imitation_epochs=3)
+    chosen = run(teacher="cost-of-delay", teacher_episodes=10, imitation_rounds=2, imitation_epochs=3)
     networks = []
     for _ in range(2):
         model: Any = build_model(chosen)
@@ -163,7 +163,7 @@ def test_imitation_in_a_box() -> None:
         "imitation_epochs": 40,
         "network": (64, 64),
     }
-    chosen = RunSpec(env, "ppo", 0, load_settings(env, "ppo", {**SMALL["ppo"], **own}, {"horizon": 20}))
+    chosen = TrainingRun(env, "ppo", 0, load_settings(env, "ppo", {**SMALL["ppo"], **own}, {"horizon": 20}))
     model: Any = build_model(chosen)
     system = make_task(env, {"horizon": 20}).system
     worlds, teacher = draw_worlds(system, training_seeds(9, 0, 20)), make_policy("myopic", system, None)
@@ -179,7 +179,7 @@ def test_imitation_in_a_box() -> None:
 
 
 def test_the_actor_waits_for_the_critic() -> None:
-    model: Any = build_model(spec())
+    model: Any = build_model(run())
     rollout = model.n_steps * model.n_envs
     before = export(model.policy).to_bytes()
     model.learn(4 * rollout, callback=WarmUp(4 * rollout))
@@ -211,7 +211,7 @@ def test_the_labels_of_a_rollout_are_the_advantages_of_all_candidates() -> None:
 
 @pytest.mark.slow
 def test_the_actor_learns_a_distribution_over_candidates() -> None:
-    model: Any = build_model(spec())
+    model: Any = build_model(run())
     seen, chosen = demonstrations(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
     labels = np.where(np.arange(8) == chosen[:, None], 3.0, 0.0).astype(np.float32)
     labels[:, 5] = np.nan  # not allowed, so nothing is asked of it
@@ -228,7 +228,7 @@ def test_the_actor_learns_a_distribution_over_candidates() -> None:
 
 @pytest.mark.parametrize("policy", ["scorer", "mlp"])
 def test_a_lower_temperature_changes_no_greedy_choice(policy: str) -> None:
-    model: Any = build_model(spec(policy=policy))
+    model: Any = build_model(run(policy=policy))
     seen = torch.randn(50, model.observation_space.shape[0])
     before = model.policy.get_distribution(seen).distribution
     calibrate_temperature(model)
@@ -253,7 +253,7 @@ def test_the_loss_is_the_cross_entropy_over_the_allowed_candidates() -> None:
 
 
 def test_training_with_a_rollout_for_a_teacher() -> None:
-    chosen = spec(teacher="rollout:4", teacher_futures=2, teacher_episodes=3, imitation_rounds=2, imitation_epochs=2)
+    chosen = run(teacher="rollout:4", teacher_futures=2, teacher_episodes=3, imitation_rounds=2, imitation_epochs=2)
     model: Any = build_model(chosen)
     pretrain(model, chosen.settings, [SYSTEM], chosen.seed)
     assert export(model.policy).to_bytes() != export(build_model(chosen).policy).to_bytes()
@@ -262,7 +262,7 @@ def test_training_with_a_rollout_for_a_teacher() -> None:
 @pytest.mark.slow
 def test_imitated_actions_have_higher_q_values_by_the_margin() -> None:
     own = {"policy": "scorer", "network": (32,), "forecasts": True}
-    model: Any = build_model(RunSpec(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own})))
+    model: Any = build_model(TrainingRun(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own})))
     seen, labels = demonstrations(SYSTEM, TEACHER, TEACHER, WORLDS, forecasts=True, rng=np.random.default_rng(0))
     imitate(model, seen, labels, 120, np.random.default_rng(0))
     values = preferences(model, torch.as_tensor(seen)).detach().numpy()
@@ -275,7 +275,7 @@ def test_imitated_actions_have_higher_q_values_by_the_margin() -> None:
 def test_dqn_imitates_too(policy: str) -> None:
     own = {"policy": policy, "network": (16,), "forecasts": True, "exploration_initial_eps": 0.1, "critic_warm_up": 40}
     imitation = {"teacher": "rollout:4", "teacher_episodes": 4, "imitation_rounds": 2, "imitation_epochs": 2}
-    chosen = RunSpec(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own, **imitation}))
+    chosen = TrainingRun(ID, "dqn", 3, load_settings(ID, "dqn", {**SMALL["dqn"], **own, **imitation}))
     model: Any = build_model(chosen)
     untrained = export(model.policy).to_bytes()
     pretrain(model, chosen.settings, [SYSTEM], chosen.seed)
@@ -304,7 +304,7 @@ def test_a_heuristic_teaches_with_the_constants_of_the_defaults_where_the_traini
     settings = load_settings(
         ID, "ppo", {**SMALL["ppo"], "teacher": "cost-of-delay", "teacher_episodes": 2}, {"dead_steps": 2}
     )
-    changed = RunSpec(ID, "ppo", 3, settings)
+    changed = TrainingRun(ID, "ppo", 3, settings)
     system = make_task(ID, dict(settings.environment)).system
     assert recorded(system) == {}
     pretrain(build_model(changed), settings, [system], 3)
@@ -323,7 +323,7 @@ def test_each_variant_has_an_equal_share_of_the_lessons(monkeypatch: pytest.Monk
     changes = {"num_envs": 4, "teacher": "cost-of-delay", "teacher_episodes": 6, "imitation_rounds": 2}
     variants = [{"reference_range": 4e3}, {"reference_range": 5e3}]
     chosen = load_settings(ID, "ppo", {**SMALL["ppo"], **changes, "variants": variants})
-    model = build_model(RunSpec(ID, "ppo", 3, chosen))
+    model = build_model(TrainingRun(ID, "ppo", 3, chosen))
     pretrain(model, chosen, systems_of(model.get_env()), 3)
     assert given == [(4e3, 3), (5e3, 3)] * 2
 
@@ -331,7 +331,7 @@ def test_each_variant_has_an_equal_share_of_the_lessons(monkeypatch: pytest.Monk
 def test_variants_in_which_an_agent_sees_other_things_are_an_error() -> None:
     """The scaling of the delays of looks depends on the dead steps."""
     variants = [{"dead_steps": 2}, {"dead_steps": 3}]
-    spec = RunSpec(ID, "ppo", 3, load_settings(ID, "ppo", {**SMALL["ppo"], "num_envs": 4, "variants": variants}))
+    run = TrainingRun(ID, "ppo", 3, load_settings(ID, "ppo", {**SMALL["ppo"], "num_envs": 4, "variants": variants}))
     wanted = r"variants differ in what an agent sees or does: scaling with \{'dead_steps': 3\}, expected as with"
     with pytest.raises(InputError, match=wanted):
-        build_model(spec)
+        build_model(run)

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from runs_for_tests import SMALL, small_spec
+from runs_for_tests import SMALL, small_run
 
 from wavegym.core.worlds import draw_worlds
 from wavegym.evaluation import make_task, training_seeds
 from wavegym.learning import imitation
 from wavegym.learning.export import export
 from wavegym.learning.models import build_model
-from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
+from wavegym.learning.training_run import TrainingRun
 from wavegym.policies.networks import LearnedPolicy
 from wavegym.schedulers.planners import RolloutPlanner
 from wavegym.schedulers.registry import make_policy
@@ -27,8 +27,8 @@ def taught(**changes: Any) -> tuple[Any, Any]:
     """An untrained model that is to learn from a teacher, and its settings."""
     own = {"policy": "scorer", "network": (8,), "forecasts": True, "masks": False, "teacher": "cost-of-delay"}
     few = {"teacher_episodes": 4, "imitation_epochs": 1}
-    spec = RunSpec(ID, "ppo", 3, load_settings(ID, "ppo", {**SMALL["ppo"], **own, **few, **changes}))
-    return build_model(spec), spec.settings
+    run = TrainingRun(ID, "ppo", 3, load_settings(ID, "ppo", {**SMALL["ppo"], **own, **few, **changes}))
+    return build_model(run), run.settings
 
 
 def test_after_the_first_round_the_learner_itself_acts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,19 +91,19 @@ def test_labels_are_twenty_times_the_advantages_up_to_ten(monkeypatch: pytest.Mo
 
 @pytest.mark.parametrize("algo", ["ppo", "dqn"])
 def test_the_learning_rate_falls_to_nearly_nothing(algo: str) -> None:
-    spec = small_spec(algo)
-    model: Any = build_model(spec)
+    run = small_run(algo)
+    model: Any = build_model(run)
     assert [model.lr_schedule(left) for left in (1.0, 0.25, 0.0)] == pytest.approx(
-        [spec.settings.learning_rate, 0.25 * spec.settings.learning_rate, 0.0]
+        [run.settings.learning_rate, 0.25 * run.settings.learning_rate, 0.0]
     )
-    model.learn(spec.settings.steps)
-    assert model.policy.optimizer.param_groups[0]["lr"] <= 0.11 * spec.settings.learning_rate
+    model.learn(run.settings.steps)
+    assert model.policy.optimizer.param_groups[0]["lr"] <= 0.11 * run.settings.learning_rate
 
 
 def test_dqn_takes_its_gradient_steps_after_each_step_of_the_batch() -> None:
-    spec = small_spec("dqn")
-    settings: Any = spec.settings
-    model: Any = build_model(spec)
+    run = small_run("dqn")
+    settings: Any = run.settings
+    model: Any = build_model(run)
     model.learn(settings.steps)
     batches = (settings.steps - settings.learning_starts) / settings.num_envs
     assert model._n_updates == pytest.approx(settings.gradient_steps * batches, abs=2 * settings.gradient_steps)

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from runs_for_tests import EVERY, arguments, assert_same_run, small_spec
+from runs_for_tests import EVERY, arguments, assert_same_run, small_run
 
 from wavegym.learning.train import train
 
@@ -38,6 +38,6 @@ def test_killed_at_any_moment_it_ends_with_the_same_weights(tmp_path: Path) -> N
         command = [*command, "--resume"] if "--resume" not in command else command
     assert not (folder / "run.json").exists()
     assert subprocess.run(command, cwd=ROOT, check=False).returncode == 0
-    train(small_spec(ALGO, steps=STEPS), tmp_path / "unbroken", EVERY[ALGO], progress=False)
+    train(small_run(ALGO, steps=STEPS), tmp_path / "unbroken", EVERY[ALGO], progress=False)
     assert_same_run(folder, tmp_path / "unbroken")
     assert not list(folder.rglob("*.part"))

@@ -17,8 +17,8 @@ from wavegym.core.errors import InputError
 from wavegym.learning.imitation import imitate
 from wavegym.learning.mixture import Mixture, MixturePolicy, parts
 from wavegym.learning.models import build_model
-from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
+from wavegym.learning.training_run import TrainingRun
 
 MODES, PARAMETERS = 3, 2
 POSITION = "wavegym/KershawEvansPosition-v0"
@@ -107,4 +107,4 @@ def where(made: ActorCriticPolicy) -> np.ndarray:
 def test_only_a_box_has_several_modes() -> None:
     settings = load_settings(POSITION, "ppo", {**SMALL["ppo"], "modes": 2})
     with pytest.raises(InputError, match=r"modes is 2, expected 1: the actions of .* are Discrete\(56\), no box"):
-        build_model(RunSpec(POSITION, "ppo", 0, settings))
+        build_model(TrainingRun(POSITION, "ppo", 0, settings))

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from runs_for_tests import EVERY, arguments, assert_same_run, small_spec
+from runs_for_tests import EVERY, arguments, assert_same_run, small_run
 
 import train as command
 from wavegym.core.array_files import packed, unpacked
@@ -54,26 +54,26 @@ def saved_steps(folder: Path) -> int:
 def test_a_run_stopped_again_and_again_ends_with_the_same_weights(
     algo: str, unbroken: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    spec, folder, resume = small_spec(algo), tmp_path / "run", False
+    run, folder, resume = small_run(algo), tmp_path / "run", False
     for calls in (1, 37, 12, 29, 3, 40):
         before = saved_steps(folder) if resume else 0
         with monkeypatch.context() as patch:
             stop_after(patch, calls)
             with pytest.raises(StoppedError):
-                train(spec, folder, EVERY[algo], resume, progress=False)
+                train(run, folder, EVERY[algo], resume, progress=False)
         lost = before + 3 * calls - saved_steps(folder)
         assert 0 <= lost <= EVERY[algo], "no more than a checkpoint interval"
         # What the interruption leaves behind must not matter.
         np.random.seed(0)  # noqa: NPY002
         resume = True
     assert not (folder / "run.json").exists()
-    train(spec, folder, EVERY[algo], resume=True, progress=False)
+    train(run, folder, EVERY[algo], resume=True, progress=False)
     assert_same_run(folder, unbroken[algo])
 
 
 @pytest.mark.slow
 def test_a_run_in_several_variants_is_resumed_in_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    mixed = small_spec("ppo", variants=[{"q": q} for q in (1.0, 10.0, 100.0)])
+    mixed = small_run("ppo", variants=[{"q": q} for q in (1.0, 10.0, 100.0)])
     train(mixed, tmp_path / "whole", EVERY["ppo"], progress=False)
     with monkeypatch.context() as patch:
         stop_after(patch, 50)
@@ -81,14 +81,14 @@ def test_a_run_in_several_variants_is_resumed_in_all(tmp_path: Path, monkeypatch
             train(mixed, tmp_path / "run", EVERY["ppo"], progress=False)
     train(mixed, tmp_path / "run", EVERY["ppo"], resume=True, progress=False)
     assert_same_run(tmp_path / "run", tmp_path / "whole")
-    plain = small_spec("ppo")
+    plain = small_run("ppo")
     train(plain, tmp_path / "plain", EVERY["ppo"], progress=False)
     with pytest.raises(AssertionError):
         assert_same_run(tmp_path / "plain", tmp_path / "whole")
 
 
 def test_lessons_of_a_round_that_is_over_are_not_given_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    taught = small_spec("ppo", teacher="myopic", teacher_episodes=6, imitation_rounds=3, imitation_epochs=2)
+    taught = small_run("ppo", teacher="myopic", teacher_episodes=6, imitation_rounds=3, imitation_epochs=2)
     train(taught, tmp_path / "whole", EVERY["ppo"], progress=False)
     demonstrations, rounds = imitation.demonstrations, list[int]()
 
@@ -111,24 +111,24 @@ def test_the_time_of_a_resumed_run_is_that_of_all_its_parts(tmp_path: Path, monk
     """By a clock that runs one second from rollout to rollout, of which there are ten; the third is played twice."""
     clock = itertools.count()
     monkeypatch.setattr(callback.time, "process_time", lambda: float(next(clock)))
-    spec, folder = small_spec("ppo"), tmp_path / "run"
+    run, folder = small_run("ppo"), tmp_path / "run"
     with monkeypatch.context() as patch:
         stop_after(patch, 25)
         with pytest.raises(StoppedError):
-            train(spec, folder, 30, progress=False)
-    train(spec, folder, 30, resume=True, progress=False)
+            train(run, folder, 30, progress=False)
+    train(run, folder, 30, resume=True, progress=False)
     assert json.loads((folder / "run.json").read_text())["cpu_seconds"] == 3.0 + 8.0 + 1.0
 
 
 @pytest.mark.slow
 def test_how_often_checkpoints_are_made_changes_nothing(unbroken: dict[str, Path], tmp_path: Path) -> None:
-    train(small_spec("dqn"), tmp_path / "run", 1, progress=False)
+    train(small_run("dqn"), tmp_path / "run", 1, progress=False)
     assert_same_run(tmp_path / "run", unbroken["dqn"])
 
 
 @pytest.mark.parametrize("algo", ["ppo", "dqn"])
 def test_another_seed_is_another_run(algo: str, unbroken: dict[str, Path], tmp_path: Path) -> None:
-    train(small_spec(algo, seed=2), tmp_path / "run", EVERY[algo], progress=False)
+    train(small_run(algo, seed=2), tmp_path / "run", EVERY[algo], progress=False)
     with pytest.raises(AssertionError):
         assert_same_run(tmp_path / "run", unbroken[algo])
 
@@ -136,10 +136,10 @@ def test_another_seed_is_another_run(algo: str, unbroken: dict[str, Path], tmp_p
 def test_a_finished_run_is_left_alone(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = shutil.copytree(unbroken["ppo"], tmp_path / "run")
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
-    train(small_spec("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+    train(small_run("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
-    with pytest.raises(InputError, match=r"already holds a run \(run_spec.json\)"):
-        train(small_spec("ppo"), folder, EVERY["ppo"], progress=False)
+    with pytest.raises(InputError, match=r"already holds a run \(training.json\)"):
+        train(small_run("ppo"), folder, EVERY["ppo"], progress=False)
 
 
 @pytest.mark.slow
@@ -148,7 +148,7 @@ def test_a_finished_run_is_extended(
     algo: str, unbroken: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From its last checkpoint, to the same weights whether the extension is killed or not."""
-    longer = small_spec(algo, steps=600)
+    longer = small_run(algo, steps=600)
     folders = [Path(shutil.copytree(unbroken[algo], tmp_path / name)) for name in ("killed", "whole")]
     start = saved_steps(folders[0])
     for calls in (20, 60):
@@ -172,22 +172,22 @@ def test_a_finished_run_is_extended(
 
 def test_a_finished_run_without_checkpoints_is_not_extended(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = Path(shutil.copytree(unbroken["ppo"], tmp_path / "run", ignore=shutil.ignore_patterns("*.ckpt")))
-    before = (folder / "run_spec.json").read_text()
+    before = (folder / "training.json").read_text()
     with pytest.raises(InputError, match="holds no checkpoint, expected one to extend the run from"):
-        train(small_spec("ppo", steps=600), folder, EVERY["ppo"], resume=True, progress=False)
-    assert (folder / "run_spec.json").read_text() == before
+        train(small_run("ppo", steps=600), folder, EVERY["ppo"], resume=True, progress=False)
+    assert (folder / "training.json").read_text() == before
 
 
 def test_a_finished_run_with_a_torn_policy_is_not_taken_for_whole(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = shutil.copytree(unbroken["ppo"], tmp_path / "run")
     (folder / "policy.npz").write_bytes(b"torn")
     with pytest.raises(InputError, match=r"policy\.npz is torn"):
-        train(small_spec("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+        train(small_run("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
 
 
 @pytest.mark.parametrize(
     "content",
-    [b"no archive", pickle.dumps([1, 2]), packed([1, 2]), packed({"spec": 1}), packed({"spec": {"env": "a"}})],
+    [b"no archive", pickle.dumps([1, 2]), packed([1, 2]), packed({"run": 1}), packed({"run": {"env": "a"}})],
 )
 def test_a_whole_checkpoint_that_is_no_snapshot_is_one_line(
     content: bytes, unbroken: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -205,34 +205,34 @@ def test_a_checkpoint_runs_no_code(unbroken: dict[str, Path], tmp_path: Path) ->
             return os.mkdir, (str(tmp_path / "intruded"),)
 
     folder = unfinished(unbroken["ppo"], tmp_path / "run")
-    state = {"spec": small_spec("ppo").record(), "weights": np.array([Intruder()])}
+    state = {"run": small_run("ppo").record(), "weights": np.array([Intruder()])}
     for content in (pickle.dumps(Intruder()), packed(state)):
         save_checkpoint(folder / "checkpoints", 10**6, content)
         with pytest.raises(InputError, match="checkpoint"):
-            train(small_spec("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+            train(small_run("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
     assert not (tmp_path / "intruded").exists()
 
 
 def test_a_checkpoint_of_another_run_is_refused(unbroken: dict[str, Path], tmp_path: Path) -> None:
     """The plan in the folder is that of one seed, its checkpoints are those of another."""
-    train(small_spec("ppo", seed=2), tmp_path / "other", EVERY["ppo"], progress=False)
+    train(small_run("ppo", seed=2), tmp_path / "other", EVERY["ppo"], progress=False)
     folder = unfinished(unbroken["ppo"], tmp_path / "run")
     shutil.rmtree(folder / "checkpoints")
     shutil.copytree(tmp_path / "other" / "checkpoints", folder / "checkpoints")
     with pytest.raises(InputError, match="checkpoint is of another run: its seed is 2, expected 1"):
-        train(small_spec("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+        train(small_run("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
 
 
 def test_a_checkpoint_that_lacks_a_part_is_one_line(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = unfinished(unbroken["ppo"], tmp_path / "run")
     steps, content = load_checkpoint(folder / "checkpoints") or (0, b"")
     whole = unpacked(content)
-    for name in set(whole) - {"spec"}:
+    for name in set(whole) - {"run"}:
         save_checkpoint(
             folder / "checkpoints", steps, packed({key: part for key, part in whole.items() if key != name})
         )
         with pytest.raises(InputError, match="checkpoint does not fit this training"):
-            train(small_spec("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+            train(small_run("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
 
 
 def test_two_trainings_in_one_folder_are_refused(
@@ -245,19 +245,19 @@ def test_two_trainings_in_one_folder_are_refused(
         if next(calls) == 3:
             for resume in (False, True):
                 with pytest.raises(InputError, match=r"another training runs in|already holds a run"):
-                    train(small_spec("ppo"), tmp_path / "run", EVERY["ppo"], resume, progress=False)
+                    train(small_run("ppo"), tmp_path / "run", EVERY["ppo"], resume, progress=False)
         add(self, cost, ended)
 
     monkeypatch.setattr(callback.LearningCurve, "add", intruded)
-    train(small_spec("ppo"), tmp_path / "run", EVERY["ppo"], progress=False)
+    train(small_run("ppo"), tmp_path / "run", EVERY["ppo"], progress=False)
     assert_same_run(tmp_path / "run", unbroken["ppo"])
 
 
 def test_a_run_killed_before_its_first_checkpoint_begins_anew(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = tmp_path / "run"
     folder.mkdir()
-    shutil.copy(unbroken["ppo"] / "run_spec.json", folder)
-    train(small_spec("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
+    shutil.copy(unbroken["ppo"] / "training.json", folder)
+    train(small_run("ppo"), folder, EVERY["ppo"], resume=True, progress=False)
     assert_same_run(folder, unbroken["ppo"])
 
 
@@ -301,18 +301,18 @@ def test_another_plan_is_not_resumed(
     change: dict[str, Any], message: str, unbroken: dict[str, Path], tmp_path: Path
 ) -> None:
     folder = unfinished(unbroken["ppo"], tmp_path / "run")
-    spec = small_spec(**{"algo": "ppo", **change})
+    run = small_run(**{"algo": "ppo", **change})
     with pytest.raises(InputError, match=message):
-        train(spec, folder, 60, resume=True, progress=False)
+        train(run, folder, 60, resume=True, progress=False)
 
 
 def test_other_versions_are_not_resumed(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = unfinished(unbroken["ppo"], tmp_path / "run")
-    spec = json.loads((folder / "run_spec.json").read_text())
-    spec["versions"]["torch"] = "0.4.1"
-    (folder / "run_spec.json").write_text(json.dumps(spec))
+    run = json.loads((folder / "training.json").read_text())
+    run["versions"]["torch"] = "0.4.1"
+    (folder / "training.json").write_text(json.dumps(run))
     with pytest.raises(InputError, match=r"versions.torch is .* has '0.4.1'"):
-        train(small_spec("ppo"), folder, 60, resume=True, progress=False)
+        train(small_run("ppo"), folder, 60, resume=True, progress=False)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")

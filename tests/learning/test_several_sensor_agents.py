@@ -17,9 +17,9 @@ from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformVectorEnv
 from wavegym.evaluation import compare
-from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
 from wavegym.learning.train import train
+from wavegym.learning.training_run import TrainingRun
 from wavegym.policies.runs import load_policy, signature
 
 ID = "tests/TwoSensors-v0"
@@ -33,8 +33,8 @@ def registered() -> Any:
 
 
 def trained(folder: Path, algo: str, **environment: Any) -> Path:
-    spec = RunSpec(ID, algo, 1, load_settings(ID, algo, {**SMALL[algo], "steps": 90}, environment))
-    train(spec, folder, 60, progress=False)
+    run = TrainingRun(ID, algo, 1, load_settings(ID, algo, {**SMALL[algo], "steps": 90}, environment))
+    train(run, folder, 60, progress=False)
     return folder
 
 

@@ -11,7 +11,6 @@ from runs_for_tests import SMALL
 from wavegym.core.errors import InputError
 from wavegym.learning.curve import LearningCurve
 from wavegym.learning.models import build_model
-from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
 from wavegym.learning.time_discount import (
     CENTRING,
@@ -20,18 +19,19 @@ from wavegym.learning.time_discount import (
     TimedRolloutBuffer,
 )
 from wavegym.learning.train import train
+from wavegym.learning.training_run import TrainingRun
 from wavegym.policies.runs import CURVE, POLICY
 
 STEPS, ENVS, GAMMA, LAMBDA = 7, 3, 0.6, 0.8
 RADAR = "wavegym/MultifunctionRadar-v0"
 
 
-def small_spec(**changes):
+def small_run(**changes):
     """Two environments of few slots, in rollouts of six steps."""
     sizes = {"network": (8,), "n_steps": 6, "num_envs": 2, "batch_size": 4, "teacher": "", "variants": ()}
     parameters = {"slots": 4, "targets": 3.0, "horizon": 200}
     settings = load_settings(RADAR, "ppo", {**SMALL["ppo"], **sizes, **changes}, parameters)
-    return RunSpec(RADAR, "ppo", 0, settings)
+    return TrainingRun(RADAR, "ppo", 0, settings)
 
 
 def filled(kind, rng):
@@ -82,9 +82,9 @@ def test_the_centre_follows_each_environments_mean_reward_per_second():
 
 
 def test_a_run_notes_the_durations_of_its_steps():
-    spec = small_spec()
-    model = build_model(spec)
-    assert (model.gamma, model.rollout_buffer.gamma_per_second) == (1.0, spec.settings.gamma)
+    run = small_run()
+    model = build_model(run)
+    assert (model.gamma, model.rollout_buffer.gamma_per_second) == (1.0, run.settings.gamma)
     model.learn(12, callback=NoteDurations())
     durations = model.get_env().get_attr("system")[0].dwells.menu[3]
     taken = model.rollout_buffer.actions.reshape(2, 6).T.astype(int)  # flattened environment by environment
@@ -94,8 +94,8 @@ def test_a_run_notes_the_durations_of_its_steps():
 @pytest.mark.slow
 def test_a_run_that_is_resumed_keeps_its_centre(tmp_path, monkeypatch):
     """The weights of a run that was stopped in its third rollout are those of one that was not."""
-    spec = small_spec(steps=60)
-    train(spec, tmp_path / "whole", 12, progress=False)
+    run = small_run(steps=60)
+    train(run, tmp_path / "whole", 12, progress=False)
     add, calls = LearningCurve.add, []
 
     def stopping(self, cost, ended):
@@ -107,8 +107,8 @@ def test_a_run_that_is_resumed_keeps_its_centre(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(LearningCurve, "add", stopping)
         with pytest.raises(KeyboardInterrupt):
-            train(spec, tmp_path / "broken", 12, progress=False)
-    train(spec, tmp_path / "broken", 12, resume=True, progress=False)
+            train(run, tmp_path / "broken", 12, progress=False)
+    train(run, tmp_path / "broken", 12, resume=True, progress=False)
     for name in (POLICY, CURVE):
         assert (tmp_path / "broken" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
@@ -116,4 +116,4 @@ def test_a_run_that_is_resumed_keeps_its_centre(tmp_path, monkeypatch):
 def test_where_steps_are_of_one_length_it_is_refused():
     settings = load_settings("wavegym/KershawEvansPosition-v0", "ppo", {**SMALL["ppo"], "discount": "second"})
     with pytest.raises(InputError, match="discount is 'second', expected 'step'"):
-        build_model(RunSpec("wavegym/KershawEvansPosition-v0", "ppo", 0, settings))
+        build_model(TrainingRun("wavegym/KershawEvansPosition-v0", "ppo", 0, settings))

@@ -19,7 +19,7 @@ from gymnasium import spaces
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from runs_for_tests import ENVIRONMENT, EVERY, ID, SMALL, small_spec
+from runs_for_tests import ENVIRONMENT, EVERY, ID, SMALL, small_run
 
 from wavegym.core.array_files import pack_arrays, unpack_arrays
 from wavegym.core.errors import InputError, InputWarning
@@ -29,9 +29,9 @@ from wavegym.evaluation import compare, make_task
 from wavegym.evaluation.play import play
 from wavegym.learning.export import export
 from wavegym.learning.models import build_model
-from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
 from wavegym.learning.train import train
+from wavegym.learning.training_run import TrainingRun
 from wavegym.policies.networks import MARGIN, RANGE_KEY, LearnedPolicy, Network, TrainingRange
 from wavegym.policies.runs import PRETRAINED, load_policy
 from wavegym.schedulers import Myopic
@@ -61,13 +61,13 @@ ALIKE = (RADAR, "ppo", {**SCORER, "teacher": "", "variants": (), "masks": True},
 def untrained(name: str) -> tuple[Any, Any]:
     """A model with weights drawn anew, so that no layer is nearly 0, and observations for it."""
     env_id, algo, changes, environment = {**CASES, "alike": ALIKE}[name]
-    spec = RunSpec(env_id, algo, 0, load_settings(env_id, algo, {**SMALL[algo], **changes}, environment))
-    model: Any = build_model(spec)
+    run = TrainingRun(env_id, algo, 0, load_settings(env_id, algo, {**SMALL[algo], **changes}, environment))
+    model: Any = build_model(run)
     generator = torch.Generator().manual_seed(1)
     for parameter in model.policy.parameters():
         if parameter.ndim > 1:
             parameter.data = torch.randn(parameter.shape, generator=generator) / parameter.shape[-1] ** 0.5
-    envs = gym.make_vec(env_id, num_envs=50, forecasts=spec.settings.forecasts, **environment)
+    envs = gym.make_vec(env_id, num_envs=50, forecasts=run.settings.forecasts, **environment)
     return model, envs.reset(seed=0)[0]
 
 
@@ -178,7 +178,7 @@ def test_a_scorer_wants_one_index_and_a_width() -> None:
         load_settings(SECTOR, "ppo", {"policy": "scorer", "network": ()})
     settings = load_settings(CLUTTER, "ppo", {**SMALL["ppo"], "policy": "scorer", "network": (8,)})
     with pytest.raises(InputError, match=r"a scorer cannot choose from MultiDiscrete.*policy=mlp"):
-        build_model(RunSpec(CLUTTER, "ppo", 0, settings))
+        build_model(TrainingRun(CLUTTER, "ppo", 0, settings))
 
 
 AGENTS = sorted(str(file.parent.relative_to(PRETRAINED)) for file in PRETRAINED.glob("*/*/run.json"))
@@ -223,8 +223,8 @@ def test_a_training_records_what_its_policy_observes(unbroken: dict[str, Path], 
     width = found["ppo"].high - found["ppo"].low
     assert (np.abs(seen.min(axis=0) - found["ppo"].low) <= 0.3 * width + 1e-3).all()
     assert (np.abs(seen.max(axis=0) - found["ppo"].high) <= 0.3 * width + 1e-3).all()
-    spec = small_spec("ppo", variants=[{"start_range": (50e3, 60e3)}, {"start_range": (170e3, 210e3)}, {}])
-    train(spec, tmp_path / "run", EVERY["ppo"], progress=False)
+    run = small_run("ppo", variants=[{"start_range": (50e3, 60e3)}, {"start_range": (170e3, 210e3)}, {}])
+    train(run, tmp_path / "run", EVERY["ppo"], progress=False)
     both = _range(tmp_path / "run")
     assert (both.high - both.low)[0] > 5.0 * width[0], "the SNR of near targets is higher"
 

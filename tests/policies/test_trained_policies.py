@@ -17,7 +17,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from runs_for_tests import ENVIRONMENT, ID, small_spec
+from runs_for_tests import ENVIRONMENT, ID, small_run
 from stable_baselines3 import DQN, PPO
 
 import wavegym
@@ -86,9 +86,9 @@ def test_masked_actions_are_never_chosen_and_the_mask_changes_nothing_else(
 
 
 def test_a_box_policy_stays_in_the_box(tmp_path: Path) -> None:
-    spec = small_spec("ppo", steps=60)
-    boxed = type(spec.settings)(**{**vars(spec.settings), "environment": {**ENVIRONMENT, "action": "box"}})
-    train(type(spec)(ID, "ppo", 1, boxed), tmp_path / "run", 60, progress=False)
+    run = small_run("ppo", steps=60)
+    boxed = type(run.settings)(**{**vars(run.settings), "environment": {**ENVIRONMENT, "action": "box"}})
+    train(type(run)(ID, "ppo", 1, boxed), tmp_path / "run", 60, progress=False)
     system = make_task(ID, {"action": "box", "horizon": ENVIRONMENT["horizon"]}).system
     (policy,) = load_policy(tmp_path / "run", ID, system)
     actions = policy.act(None, 10.0 * observations(), None)
@@ -116,7 +116,7 @@ def test_loading_needs_no_environment(unbroken: dict[str, Path], monkeypatch: py
 def test_a_folder_of_runs_gives_all_in_order(unbroken: dict[str, Path], tmp_path: Path) -> None:
     folder = tmp_path / "ppo"
     shutil.copytree(unbroken["ppo"], folder / "seed1")
-    train(small_spec("ppo", seed=0), folder / "seed0", 300, progress=False)
+    train(small_run("ppo", seed=0), folder / "seed0", 300, progress=False)
     (folder / "notes").mkdir()
     first, second = load_policy(folder, ID, SYSTEM)
     shown = observations()

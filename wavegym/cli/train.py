@@ -68,12 +68,12 @@ def train(arguments: Sequence[str] | None) -> None:
     for package in options.packages:
         import_package(package)
     # These imports take seconds; a misspelt option is reported before them.
-    from wavegym.learning.run_spec import RunSpec
     from wavegym.learning.settings import load_settings
+    from wavegym.learning.training_run import TrainingRun
     from wavegym.policies.runs import RUN, environment_of, read_run
 
     try:
-        from wavegym.learning.train import train as run
+        from wavegym.learning.train import train as train_agent
     except ImportError as error:
         raise InputError(f"training needs the extra: {error}; pip install 'wavegym[agents]'") from None
     env_id, parameters, chosen = _task(options)
@@ -87,8 +87,8 @@ def train(arguments: Sequence[str] | None) -> None:
         print(f"{best}written to {options.out}: best.toml, trials.csv, trials.log")
         return
     settings = load_settings(env_id, options.algo, chosen, parameters)
-    spec = RunSpec(env_id, options.algo, options.seed, settings)
-    run(spec, options.out, options.checkpoint_every, options.resume, progress=not options.quiet)
+    run = TrainingRun(env_id, options.algo, options.seed, settings)
+    train_agent(run, options.out, options.checkpoint_every, options.resume, progress=not options.quiet)
     print(f"written to {options.out}: policy.npz, model.zip, run.json, curve.csv")
     if needed := environment_of(read_run(options.out / RUN)):
         same = shlex.join(f"{name}={value}" for name, value in needed.items())

@@ -19,8 +19,8 @@ from tqdm import tqdm
 from wavegym.evaluation.files import write_whole
 from wavegym.learning.checkpoints import save_checkpoint
 from wavegym.learning.curve import LearningCurve
-from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.snapshots import snapshot
+from wavegym.learning.training_run import TrainingRun
 from wavegym.policies.runs import BOARD, CHECKPOINTS, CURVE
 
 ROWS = 100  # of the learning curve of a complete run
@@ -30,7 +30,7 @@ class SnapshotCallback(BaseCallback):
     """Records every step, and saves checkpoints at the start of rollouts, where a run can resume (``snapshots``).
 
     Args:
-        spec: the run's specification.
+        run: what is trained.
         folder: of the run.
         curve: the learning curve so far.
         every: most environment steps that a kill may cost (or one rollout, if that is longer).
@@ -39,20 +39,20 @@ class SnapshotCallback(BaseCallback):
     """
 
     def __init__(
-        self, spec: RunSpec, folder: Path, curve: LearningCurve, every: int, saved: int | None, progress: bool
+        self, run: TrainingRun, folder: Path, curve: LearningCurve, every: int, saved: int | None, progress: bool
     ) -> None:
         super().__init__()
-        settings: Any = spec.settings
-        self.spec, self.folder, self.curve, self.every, self.saved = spec, folder, curve, every, saved
+        settings: Any = run.settings
+        self.run, self.folder, self.curve, self.every, self.saved = run, folder, curve, every, saved
         self.spacing = settings.steps // ROWS
         self._noted = time.process_time()
-        self.rollout = settings.num_envs * (settings.n_steps if spec.algo == "ppo" else 1)
+        self.rollout = settings.num_envs * (settings.n_steps if run.algo == "ppo" else 1)
         self.bar = tqdm(
             total=settings.steps,
             initial=saved or 0,
             unit=" steps",
             unit_scale=True,
-            desc=f"{spec.algo} seed {spec.seed}",
+            desc=f"{run.algo} seed {run.seed}",
             mininterval=0.5 if sys.stderr.isatty() else 10.0,
             disable=not progress,
         )
@@ -72,7 +72,7 @@ class SnapshotCallback(BaseCallback):
             self.logger.record("rollout/cost", cost)
             self.bar.set_postfix(cost=f"{cost:.4g}", refresh=False)
         if self.saved is None or (steps != self.saved and steps + self.rollout - self.saved > self.every):
-            save_checkpoint(self.folder / CHECKPOINTS, steps, snapshot(self.spec, self.model, self.curve))
+            save_checkpoint(self.folder / CHECKPOINTS, steps, snapshot(self.run, self.model, self.curve))
             write_whole(self.folder, {CURVE: self.curve.csv().encode()})
             self.saved = steps
 

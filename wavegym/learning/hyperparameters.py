@@ -21,9 +21,9 @@ from wavegym.core.worlds import draw_worlds
 from wavegym.evaluation import make_task, world_seeds
 from wavegym.evaluation.files import csv_text, write_whole
 from wavegym.evaluation.play import play
-from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.settings import load_settings
 from wavegym.learning.train import train
+from wavegym.learning.training_run import TrainingRun
 from wavegym.policies.runs import load_policy
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.tuned_constants import SIMPLE
@@ -89,15 +89,15 @@ def tune(
     experiment = _search(f"{env_id} {algo} {seed} {dict(chosen)} {dict(parameters)}", seed, out)
     space = {name: values for name, values in SPACE[algo].items() if name not in chosen}
 
-    def spec(trial: Any) -> RunSpec:
+    def proposed_run(trial: Any) -> TrainingRun:
         proposed = {name: _proposed(trial, name, values) for name, values in space.items()}
-        return RunSpec(env_id, algo, seed, load_settings(env_id, algo, {**chosen, **proposed}, parameters))
+        return TrainingRun(env_id, algo, seed, load_settings(env_id, algo, {**chosen, **proposed}, parameters))
 
     at_once = effective_n_jobs(jobs)
     left = trials - len([t for t in experiment.trials if t.state.is_finished()])
     for first in range(0, left, at_once):
         asked = [experiment.ask() for _ in range(min(at_once, left - first))]
-        scores = run_all([Call(judge, (spec(trial),)) for trial in asked], at_once)
+        scores = run_all([Call(judge, (proposed_run(trial),)) for trial in asked], at_once)
         for trial, score in zip(asked, scores, strict=True):
             experiment.tell(trial, score)
             print(f"trial {trial.number}: {100 * (np.exp(score) - 1):+.2f} % of {SIMPLE}", flush=True)
@@ -122,15 +122,15 @@ def _search(name: str, seed: int, out: Path) -> Any:
     )
 
 
-def judge(spec: RunSpec) -> float:
+def judge(run: TrainingRun) -> float:
     """Train, and score: the mean logarithm of the cost over the best heuristic's on tuning worlds."""
-    task = make_task(spec.env, dict(spec.settings.environment))
+    task = make_task(run.env, dict(run.settings.environment))
     tuning = draw_worlds(task.system, world_seeds(0, "tune", HEURISTIC_WORLDS))
     heuristic = make_policy(SIMPLE, task.system, tuning)
     seeds = world_seeds(SEED, "tune", WORLDS)
     with tempfile.TemporaryDirectory() as folder:
-        train(spec, Path(folder) / "run", spec.settings.steps, progress=False)
-        (policy,) = load_policy(Path(folder) / "run", spec.env, task.system)
+        train(run, Path(folder) / "run", run.settings.steps, progress=False)
+        (policy,) = load_policy(Path(folder) / "run", run.env, task.system)
     cost, reference = (play(task, p, seeds).episode_cost() for p in (policy, heuristic))
     return float(np.log(cost / reference).mean())
 

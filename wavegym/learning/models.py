@@ -1,4 +1,4 @@
-"""From a run specification to an untrained Stable-Baselines3 model with its environments."""
+"""From a training run to an untrained Stable-Baselines3 model with its environments."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from wavegym.envs.sb3 import BatchedVecEnv, SB3VecEnv
 from wavegym.envs.sb3_mixed import SB3MixedVecEnv
 from wavegym.evaluation import training_seeds
 from wavegym.learning.mixture import MixturePolicy
-from wavegym.learning.run_spec import RunSpec
 from wavegym.learning.scorer import Layout, MaskableScorerPolicy, ScorerDQNPolicy, ScorerPolicy
 from wavegym.learning.settings import PPOSettings, Settings
 from wavegym.learning.time_discount import TimedMaskableRolloutBuffer, TimedRolloutBuffer
+from wavegym.learning.training_run import TrainingRun
 from wavegym.policies.runs import difference, signature
 
 BASE_SEED = 0  # of training worlds; test worlds differ from them for every seed
@@ -57,14 +57,14 @@ def model_class(settings: Settings) -> type[BaseAlgorithm]:
     return MaskablePPO if settings.masks else PPO
 
 
-def build_model(spec: RunSpec) -> BaseAlgorithm:
+def build_model(run: TrainingRun) -> BaseAlgorithm:
     """The untrained model; every random generator is seeded.
 
     Raises:
         InputError: a setting unknown to the environment, or actions that the algorithm cannot choose.
     """
-    settings, algorithm = spec.settings, model_class(spec.settings)
-    env = _environments(spec, settings.num_envs // max(len(settings.variants), 1))
+    settings, algorithm = run.settings, model_class(run.settings)
+    env = _environments(run, settings.num_envs // max(len(settings.variants), 1))
     own = {f.name: getattr(settings, f.name) for f in dataclasses.fields(settings) if f.name not in OURS}
     if algorithm is DQN:
         own["train_freq"] = 1
@@ -82,11 +82,11 @@ def build_model(spec: RunSpec) -> BaseAlgorithm:
         env,
         learning_rate=LinearSchedule(settings.learning_rate, 0.0, 1.0),
         policy_kwargs=network,
-        seed=spec.seed,
+        seed=run.seed,
         device="cpu",
         **own,
     )
-    env.seed(training_seeds(BASE_SEED, spec.seed, settings.num_envs))
+    env.seed(training_seeds(BASE_SEED, run.seed, settings.num_envs))
     return model
 
 
@@ -116,28 +116,28 @@ def systems_of(env: VecEnv) -> list[System]:
     return list({id(system): system for system in env.get_attr("system")}.values())
 
 
-def _environments(spec: RunSpec, count: int) -> BatchedVecEnv:
+def _environments(run: TrainingRun, count: int) -> BatchedVecEnv:
     """``count`` of the run's environments of each variant.
 
     Raises:
         InputError: the algorithm or the policy cannot choose their actions; variants whose observations or actions
             differ in their meaning.
     """
-    settings = spec.settings
+    settings = run.settings
     shell = {"reward": settings.reward, "forecasts": settings.forecasts}
     variants = [{**settings.environment, **own} for own in settings.variants or ({},)]
-    parts = [SB3VecEnv(spec.env, count, **shell, **variant) for variant in variants]
+    parts = [SB3VecEnv(run.env, count, **shell, **variant) for variant in variants]
     _check_alike(parts, variants, settings.policy)
     env: BatchedVecEnv = SB3MixedVecEnv(parts) if len(parts) > 1 else parts[0]
     if not isinstance(env.action_space, spaces.Discrete):
-        for name, asked in (("dqn", spec.algo == "dqn"), ("a scorer", settings.policy == "scorer")):
+        for name, asked in (("dqn", run.algo == "dqn"), ("a scorer", settings.policy == "scorer")):
             if asked:
                 wanted = "a finite library, the joint one where there are several sensors (or --algo ppo, policy=mlp)"
                 raise InputError(f"{name} cannot choose from {env.action_space}, expected {wanted}")
     if discounts_seconds(settings) and not isinstance(env.get_attr("system", 0)[0], UnequalSteps):
-        raise InputError(f"discount is 'second', expected 'step' (nearest): all steps of {spec.env} are of one length")
+        raise InputError(f"discount is 'second', expected 'step' (nearest): all steps of {run.env} are of one length")
     if (modes := _modes(settings)) > 1 and not isinstance(env.action_space, spaces.Box):
-        raise InputError(f"modes is {modes}, expected 1: the actions of {spec.env} are {env.action_space}, no box")
+        raise InputError(f"modes is {modes}, expected 1: the actions of {run.env} are {env.action_space}, no box")
     return env
 
 
@@ -150,23 +150,23 @@ def _check_alike(parts: list[SB3VecEnv], variants: list[dict[str, Any]], policy:
             raise InputError(f"variants differ in what an agent sees or does: {unlike.name} with {variant}, {known}")
 
 
-def try_out(spec: RunSpec) -> None:
+def try_out(run: TrainingRun) -> None:
     """Try one step of the run's environment, apart from the environments and generators of the training.
 
     Raises:
         InputError: a setting unknown to the environment, a missing file of recorded targets, or a reward that its
             system cannot give.
     """
-    settings = spec.settings
-    env = _environments(spec, 1)
-    env.seed(training_seeds(BASE_SEED, spec.seed, env.num_envs))
+    settings = run.settings
+    env = _environments(run, 1)
+    env.seed(training_seeds(BASE_SEED, run.seed, env.num_envs))
     env.action_space.seed(0)
     try:
         env.reset()
         env.step(np.array([env.action_space.sample()] * env.num_envs))
     except NotImplementedError as error:
         missing = f"its system does not offer what reward {settings.reward!r} needs"
-        raise InputError(f"{spec.env} cannot be trained in: {missing}, expected another reward") from error
+        raise InputError(f"{run.env} cannot be trained in: {missing}, expected another reward") from error
     finally:
         env.close()
 

@@ -1,7 +1,7 @@
 """The complete state of a training run as bytes: a resumed run continues as if it had never stopped.
 
 The bytes are arrays and JSON (``wavegym.core.array_files``): whoever resumes a run executes nothing that its folder
-holds. The model and its environments are made anew from the specification, and take over what changes in a training.
+holds. The model and its environments are made anew from the ``TrainingRun``, and take over what changes in a training.
 
 A snapshot is safe only at the start of a rollout: no gradient step or environment step is half done, and
 Stable-Baselines3 is about to set its local variables anew.
@@ -20,7 +20,7 @@ from wavegym.core.array_files import packed, unpacked
 from wavegym.core.errors import InputError
 from wavegym.learning.curve import LearningCurve
 from wavegym.learning.models import build_model
-from wavegym.learning.run_spec import RunSpec
+from wavegym.learning.training_run import TrainingRun
 from wavegym.policies.runs import difference
 
 # Of a model of Stable-Baselines3: what a training changes, but for weights, optimiser and buffers.
@@ -32,11 +32,11 @@ LAST = ("_last_obs", "_last_episode_starts")
 REPLAYED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")  # rows of a replay buffer
 
 
-def snapshot(spec: RunSpec, model: BaseAlgorithm, curve: LearningCurve) -> bytes:
+def snapshot(run: TrainingRun, model: BaseAlgorithm, curve: LearningCurve) -> bytes:
     """The state of a training run between two rollouts, and its curve."""
     env: Any = model.get_env()
     state = {
-        "spec": spec.record(),
+        "run": run.record(),
         "counters": {name: getattr(model, name) for name in COUNTERS if hasattr(model, name)},
         "last": {name: getattr(model, name) for name in LAST if hasattr(model, name)},
         "weights": _arrays(model.policy.state_dict()),
@@ -54,7 +54,7 @@ def snapshot(spec: RunSpec, model: BaseAlgorithm, curve: LearningCurve) -> bytes
     return packed(state)
 
 
-def restore(spec: RunSpec, content: bytes) -> tuple[BaseAlgorithm, LearningCurve]:
+def restore(run: TrainingRun, content: bytes) -> tuple[BaseAlgorithm, LearningCurve]:
     """The model with its environment, ready for ``learn(reset_num_timesteps=False)``, and the curve.
 
     Raises:
@@ -62,14 +62,14 @@ def restore(spec: RunSpec, content: bytes) -> tuple[BaseAlgorithm, LearningCurve
     """
     try:
         state = unpacked(content)
-        there = state["spec"]
-        there["settings"]["steps"] = spec.settings.steps
+        there = state["run"]
+        there["settings"]["steps"] = run.settings.steps
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"checkpoint is no snapshot of a training: {type(error).__name__}: {error}") from None
-    if unlike := difference(spec.record(), there):
+    if unlike := difference(run.record(), there):
         name, here, other = unlike
         raise InputError(f"checkpoint is of another run: its {name} is {other!r}, expected {here!r}")
-    model = build_model(spec)
+    model = build_model(run)
     try:
         _load(model, state)
         curve = LearningCurve.restored(state["curve"])

@@ -25,19 +25,30 @@ from wavegym.learning.imitation import Lessons, WarmUp, pretrain
 from wavegym.learning.memory import keep_freed_memory
 from wavegym.learning.models import build_model, discounts_seconds, model_bytes, systems_of, try_out
 from wavegym.learning.observed import range_in_training
-from wavegym.learning.run_spec import RunSpec, check_resumable, check_unused, planned_steps
 from wavegym.learning.snapshots import restore
 from wavegym.learning.time_discount import NoteDurations
+from wavegym.learning.training_run import TrainingRun, check_resumable, check_unused, planned_steps
 from wavegym.policies.networks import RANGE_KEY, LearnedPolicy
-from wavegym.policies.runs import CHECKPOINTS, CURVE, LOCK, MODEL, POLICY, RUN, SPEC, read_policy, read_run, signature
+from wavegym.policies.runs import (
+    CHECKPOINTS,
+    CURVE,
+    LOCK,
+    MODEL,
+    POLICY,
+    RUN,
+    TRAINING,
+    read_policy,
+    read_run,
+    signature,
+)
 
 
-def train(spec: RunSpec, folder: Path, checkpoint_every: int, resume: bool = False, progress: bool = True) -> None:
+def train(run: TrainingRun, folder: Path, checkpoint_every: int, resume: bool = False, progress: bool = True) -> None:
     """Train into ``folder`` (its layout: ``wavegym.policies.runs``), from the start or from the last checkpoint there.
 
     Args:
-        spec: environment, algorithm, seed and settings.
-        folder: a new or empty folder; with ``resume`` the folder of a run of the same specification, or of one with
+        run: environment, algorithm, seed and settings.
+        folder: a new or empty folder; with ``resume`` the folder of the same run, or of one with
             fewer steps, which is extended.
         checkpoint_every: most environment steps that a kill may cost (or one rollout, if that is longer).
         resume: continue a run from its last checkpoint; a finished run of as many steps is checked and left as it is.
@@ -53,12 +64,12 @@ def train(spec: RunSpec, folder: Path, checkpoint_every: int, resume: bool = Fal
     torch.distributions.Distribution.set_default_validate_args(False)  # checks of every value take 5 % of the time
     keep_freed_memory()
     if resume:
-        check_resumable(spec, folder)
+        check_resumable(run, folder)
     else:
         check_unused(folder)
-        try_out(spec)  # a mistake that only a step reveals must not leave a folder behind
+        try_out(run)  # a mistake that only a step reveals must not leave a folder behind
     with _alone_in(folder):
-        (_continue if resume else _begin)(spec, folder, checkpoint_every, progress)
+        (_continue if resume else _begin)(run, folder, checkpoint_every, progress)
 
 
 @contextmanager
@@ -72,35 +83,35 @@ def _alone_in(folder: Path) -> Iterator[None]:
         raise InputError(f"another training runs in {folder}, expected a folder of its own") from None
 
 
-def _begin(spec: RunSpec, folder: Path, every: int, progress: bool) -> None:
+def _begin(run: TrainingRun, folder: Path, every: int, progress: bool) -> None:
     check_unused(folder)  # another training may have ended since the first look
-    model = build_model(spec)
-    write_whole(folder, {SPEC: _json(spec.record())})
-    _learn(spec, folder, every, progress, model, _new_curve(spec), None)
+    model = build_model(run)
+    write_whole(folder, {TRAINING: _json(run.record())})
+    _learn(run, folder, every, progress, model, _new_curve(run), None)
 
 
-def _continue(spec: RunSpec, folder: Path, every: int, progress: bool) -> None:
+def _continue(run: TrainingRun, folder: Path, every: int, progress: bool) -> None:
     is_finished = (folder / RUN).exists()
-    if is_finished and planned_steps(run := read_run(folder / RUN)) == spec.settings.steps:
-        read_policy(folder, run)
+    if is_finished and planned_steps(finished := read_run(folder / RUN)) == run.settings.steps:
+        read_policy(folder, finished)
         return
     saved = load_checkpoint(folder / CHECKPOINTS)
     if saved is None and is_finished:
         raise InputError(f"{folder} holds no checkpoint, expected one to extend the run from")
-    write_whole(folder, {SPEC: _json(spec.record())})  # with the steps of an extended run
+    write_whole(folder, {TRAINING: _json(run.record())})  # with the steps of an extended run
     if saved is None:  # killed before the first checkpoint
-        model, curve, start = build_model(spec), _new_curve(spec), None
+        model, curve, start = build_model(run), _new_curve(run), None
     else:
         start, content = saved
-        model, curve = restore(spec, content)
-        curve.extend(spec.settings.steps)
+        model, curve = restore(run, content)
+        curve.extend(run.settings.steps)
     for half_written in folder.glob(".*.part"):
         half_written.unlink()
-    _learn(spec, folder, every, progress, model, curve, start)
+    _learn(run, folder, every, progress, model, curve, start)
 
 
 def _learn(
-    spec: RunSpec,
+    run: TrainingRun,
     folder: Path,
     every: int,
     progress: bool,
@@ -109,21 +120,21 @@ def _learn(
     start: int | None,
 ) -> None:
     """Learn from step ``start`` (None: the beginning) to the end, and write the results into the folder."""
-    settings, env = spec.settings, model.get_env()
+    settings, env = run.settings, model.get_env()
     assert env is not None
-    callback = SnapshotCallback(spec, folder, curve, every, start, progress)
+    callback = SnapshotCallback(run, folder, curve, every, start, progress)
     callbacks: list[BaseCallback] = [callback, *([NoteDurations()] if discounts_seconds(settings) else [])]
     if settings.teacher:
         if start is None:
             with kept_parts(folder, Lessons) as parts:
-                pretrain(model, settings, systems_of(env), spec.seed, parts)
+                pretrain(model, settings, systems_of(env), run.seed, parts)
         callbacks.append(WarmUp(settings.critic_warm_up * callback.rollout))
     with tensorboard(folder, start or 0) as logger, callback.bar:
         model.set_logger(logger)
         model.learn(
             settings.steps - (start or 0),
             callback=callbacks,
-            log_interval=1 if spec.algo == "ppo" else settings.num_envs,  # rollouts; episodes
+            log_interval=1 if run.algo == "ppo" else settings.num_envs,  # rollouts; episodes
             reset_num_timesteps=start is None,
         )
     curve.close_row(model.num_timesteps, 1)
@@ -131,9 +142,9 @@ def _learn(
     network = export(model.policy)
     policy = network.to_bytes()
     learned = LearnedPolicy(network, settings.forecasts)
-    observed = range_in_training(learned, spec.env, spec.seed, settings.environment, settings.variants)
-    run = {
-        **spec.record(),
+    observed = range_in_training(learned, run.env, run.seed, settings.environment, settings.variants)
+    finished = {
+        **run.record(),
         "steps": model.num_timesteps,
         "extended_from": curve.extended_from,
         "cpu_seconds": round(curve.cpu_seconds, 1),
@@ -141,11 +152,11 @@ def _learn(
         **signature(systems_of(env)[0], settings.policy),
         RANGE_KEY: observed.record(),
     }
-    write_whole(folder, {CURVE: curve.csv().encode(), MODEL: model_bytes(model), POLICY: policy, RUN: _json(run)})
+    write_whole(folder, {CURVE: curve.csv().encode(), MODEL: model_bytes(model), POLICY: policy, RUN: _json(finished)})
 
 
-def _new_curve(spec: RunSpec) -> LearningCurve:
-    return LearningCurve(spec.settings.num_envs, spec.settings.steps)
+def _new_curve(run: TrainingRun) -> LearningCurve:
+    return LearningCurve(run.settings.num_envs, run.settings.steps)
 
 
 def _json(record: dict[str, Any]) -> bytes:

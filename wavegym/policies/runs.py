@@ -2,7 +2,7 @@
 
 ::
 
-    run_spec.json  the specification of the training, written first: --resume checks it
+    training.json  environment, algorithm, seed and settings, written first: --resume checks them
     checkpoints/   the last two, during and after the training
     tensorboard/   for ``tensorboard --logdir``
     curve.csv      steps, episodes, mean episode cost
@@ -55,9 +55,9 @@ RUN_FIELDS: dict[str, type] = {
     "actions.sha256": str,
     "policy_sha256": str,
 }
-SPEC, RUN, POLICY, MODEL, CURVE = "run_spec.json", "run.json", "policy.npz", "model.zip", "curve.csv"
+TRAINING, RUN, POLICY, MODEL, CURVE = "training.json", "run.json", "policy.npz", "model.zip", "curve.csv"
 CHECKPOINTS, BOARD, LOCK = "checkpoints", "tensorboard", ".lock"
-CONTENTS = (SPEC, RUN, POLICY, MODEL, CURVE, CHECKPOINTS, BOARD)
+CONTENTS = (TRAINING, RUN, POLICY, MODEL, CURVE, CHECKPOINTS, BOARD)
 LEARNER = ("env", "algo", "settings")  # equal in all training seeds of one learner
 ABSENT = object()  # stands for a parameter that a system does not have
 ALIKE = "alike"  # form of actions that a scorer tells apart by their forecasts only
@@ -192,7 +192,7 @@ def load_policy(folder: Path | str, env_id: str, system: System) -> list[Policy]
 
 
 def _is_run(folder: Path) -> bool:
-    return (folder / RUN).exists() or (folder / SPEC).exists()
+    return (folder / RUN).exists() or (folder / TRAINING).exists()
 
 
 def _load(folder: Path, env_id: str, system: System) -> LearnedPolicy:

@@ -1,4 +1,4 @@
-"""The specification of a training run, written into its folder first: --resume continues no other run there."""
+"""A training run. What it trains is written into its folder first: --resume continues no other run there."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from typing import Any
 from wavegym.core import VERSION
 from wavegym.core.errors import InputError
 from wavegym.learning.settings import Settings
-from wavegym.policies.runs import CONTENTS, SPEC, difference, read_record
+from wavegym.policies.runs import CONTENTS, TRAINING, difference, read_record
 
 PACKAGES = ("numpy", "torch", "gymnasium", "stable-baselines3", "sb3-contrib")
 
 
 @dataclasses.dataclass(frozen=True)
-class RunSpec:
-    """What to train; two runs of one specification end with the same weights.
+class TrainingRun:
+    """What to train; two equal runs end with the same weights.
 
     Attributes:
         env: the environment's full id.
@@ -38,7 +38,7 @@ class RunSpec:
             raise InputError(f"seed is {self.seed}, expected an integer in [0, {2**32 - 1}]")
 
     def record(self) -> dict[str, Any]:
-        """The specification as JSON, with the package versions that the last bits depend on."""
+        """The run as JSON, with the package versions that the last bits depend on."""
         python = ".".join(platform.python_version_tuple()[:2])
         versions = {"python": python, "wavegym": VERSION, **{name: _version(name) for name in PACKAGES}}
         return json.loads(json.dumps({**dataclasses.asdict(self), "versions": versions}))
@@ -51,24 +51,24 @@ def check_unused(folder: Path) -> None:
             raise InputError(f"{folder} already holds a run ({name}), expected a new folder or --resume")
 
 
-def check_resumable(spec: RunSpec, folder: Path) -> None:
-    """Raise an InputError if the folder holds no run, or a run of another specification (the difference named).
+def check_resumable(run: TrainingRun, folder: Path) -> None:
+    """Raise an InputError if the folder holds no run, or another run (the difference is named).
 
     More steps than those of the run are no difference: they extend it.
     """
-    if not (folder / SPEC).exists():
-        raise InputError(f"{folder} holds no run to resume, expected {SPEC} in it")
-    there = read_record(folder / SPEC)
-    if planned_steps(there) < spec.settings.steps:
-        there["settings"]["steps"] = spec.settings.steps
-    unlike = difference(spec.record(), there)
+    if not (folder / TRAINING).exists():
+        raise InputError(f"{folder} holds no run to resume, expected {TRAINING} in it")
+    there = read_record(folder / TRAINING)
+    if planned_steps(there) < run.settings.steps:
+        there["settings"]["steps"] = run.settings.steps
+    unlike = difference(run.record(), there)
     if unlike:
         name, here, there = unlike
         raise InputError(f"{name} is {here!r}, but the run in {folder} has {there!r}: it cannot be resumed")
 
 
 def planned_steps(record: dict[str, Any]) -> int:
-    """The steps in a record of ``RunSpec``; 0 if it is none."""
+    """The steps in a record of a ``TrainingRun``; 0 if it is none."""
     settings = record.get("settings")
     steps = settings.get("steps") if isinstance(settings, dict) else 0
     return steps if isinstance(steps, int) else 0
