@@ -267,7 +267,7 @@ OFFERED = {
     "BeamAllocation": f"{CLUTTER} constants delay fused_transition gain gain_by_target linear_cost target_of_action",
     "EnergyBudget": f"{CLUTTER} constants delay fused_transition gain linear_cost spending",
     "EnergyBudgetKnown": f"{CLUTTER} constants delay fused_transition gain linear_cost spending",
-    "MultifunctionRadar": "TimedPulses TrackSlots UnequalSteps constants gain_per_second outlook scores simulate",
+    "MultifunctionRadar": "TimedPulses TrackSlots UnequalSteps constants gain_per_second resting_cost scores simulate",
 }
 
 

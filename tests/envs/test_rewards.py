@@ -9,7 +9,7 @@ from small_systems import Burner
 from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.envs import LogCost, Relative, WaveformEnv, WaveformVectorEnv
-from wavegym.envs.rewards import Outlook
+from wavegym.envs.rewards import ShapedCost
 from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin
 from wavegym.schedulers.registry import make_policy
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
@@ -173,7 +173,7 @@ def test_a_reward_of_ones_own_with_its_terms_in_info():
     ("reward", "message"),
     [
         ("relativ", "did you mean 'relative'"),
-        (3, "expected one of cost, cost-in-targets, outlook"),
+        (3, "expected one of cost, cost-in-targets, shaped-cost"),
         (print, "an object with begin"),
     ],
 )
@@ -272,22 +272,22 @@ def test_where_steps_differ_in_length_no_reward_is_relative():
         envs.reset(seed=0)
 
 
-def test_the_outlook_is_a_potential_and_that_of_a_wait():
-    """Rewards sum up to the cost but for the ends; without traffic, the outlook is the cost of a long wait."""
-    envs = WaveformVectorEnv(MultifunctionRadar, 3, reward="outlook", slots=12, targets=5.0)
+def test_the_shaped_cost_has_the_cost_of_rest_as_its_potential():
+    """Rewards sum up to the cost but for the ends; without traffic, the potential is the cost of a long wait."""
+    envs = WaveformVectorEnv(MultifunctionRadar, 3, reward="shaped-cost", slots=12, targets=5.0)
     envs.reset(seed=2)
-    first, total, cost = shortcuts.outlook(envs.system, envs.belief, Outlook.SECONDS), np.zeros(3), np.zeros(3)
+    first, total, cost = shortcuts.resting_cost(envs.system, envs.belief, ShapedCost.SECONDS), np.zeros(3), np.zeros(3)
     rule = envs.policy("round-robin")
     for _ in range(60):
         _, rewards, _, _, info = envs.step(rule())
         total, cost = total + rewards, cost + info["cost"]
-    last = shortcuts.outlook(envs.system, envs.belief, Outlook.SECONDS)
+    last = shortcuts.resting_cost(envs.system, envs.belief, ShapedCost.SECONDS)
     np.testing.assert_allclose(total, -(cost + last - first) / envs.system.c0, rtol=1e-9)
-    resting = dataclasses.replace(envs.system, targets=0.0, dt=Outlook.SECONDS)
+    resting = dataclasses.replace(envs.system, targets=0.0, dt=ShapedCost.SECONDS)
     alone = envs.belief._replace(undetected=np.zeros_like(envs.belief.undetected))
     waits = np.full(3, len(resting.actions) - 1)
     np.testing.assert_allclose(
-        shortcuts.outlook(resting, alone, Outlook.SECONDS), resting.predict(alone, waits).spent, rtol=1e-12
+        shortcuts.resting_cost(resting, alone, ShapedCost.SECONDS), resting.predict(alone, waits).spent, rtol=1e-12
     )
-    with pytest.raises(InputError, match="of KershawEvansPosition, it has no outlook"):
-        WaveformVectorEnv(KershawEvansPosition, 2, reward="outlook").reset(seed=0)
+    with pytest.raises(InputError, match="of KershawEvansPosition, it has no resting_cost"):
+        WaveformVectorEnv(KershawEvansPosition, 2, reward="shaped-cost").reset(seed=0)

@@ -241,7 +241,7 @@ def gain_per_second(system: Any, belief: Any, *args: Any) -> Array:  # type: ign
 
 
 @shortcut("predict", "cost")
-def outlook(system: Any, belief: Any, seconds: float) -> Array:  # type: ignore[empty-body]
+def resting_cost(system: Any, belief: Any, seconds: float) -> Array:  # type: ignore[empty-body]
     """Expected cost of the coming ``seconds`` if the beam rested, (env,); for ``TrackSlots``."""
 
 

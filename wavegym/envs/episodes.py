@@ -41,7 +41,7 @@ class Before(NamedTuple):
     actions: Array
     world: Any
     memory: Any  # the reward's
-    received: Array | None  # what a MeasurementObserver shows
+    shown: Array | None  # what a MeasurementObserver shows
     measured: Any  # what the sensors report in the step, where somebody asks for it
     keep: Array | None  # environments that wait, (env,) bool
 
@@ -50,7 +50,7 @@ class After(NamedTuple):
     """What a step of a batch ends with."""
 
     state: State
-    received: Array | None
+    shown: Array | None
     observation: Array
     state_info: Info
     reward: Array
@@ -90,7 +90,7 @@ class Episodes:
         self.system, self.num_envs, self.reward, self.measurements = system, num_envs, reward, measurements
         self.observer = make_observer(system, observation, forecasts)
         self._threads = num_threads
-        self._received: Array | None = None  # by environment, what a MeasurementObserver shows
+        self._shown: Array | None = None  # by environment, what a MeasurementObserver shows
         self.generators: list[np.random.Generator | None] = [None] * num_envs
         self.seeds: list[int | None] = [None] * num_envs  # -1 where a generator was given instead
         self.world: Any = None
@@ -122,7 +122,7 @@ class Episodes:
             trees.overwrite(self._memory, rows, memory)
             self._state = trees.scattered(self.state, rows, state)
         if isinstance(self.observer, MeasurementObserver):
-            self._received = _replaced(self._received, rows, self.observer.first(self.state.belief))
+            self._shown = _replaced(self._shown, rows, self.observer.first(self.state.belief))
 
     def _begun(self, world: Any) -> Begun:
         """The initial states of worlds, and what the reward remembers of them."""
@@ -141,7 +141,7 @@ class Episodes:
         generators = [None if generator is None else generator.bit_generator.state for generator in self.generators]
         trees_of_arrays = {"world": self.world, "state": self.state, "memory": self._memory}
         leaves = {name: trees.leaves(tree) for name, tree in trees_of_arrays.items()}
-        return {"generators": generators, "seeds": self.seeds, "received": self._received, **leaves}
+        return {"generators": generators, "seeds": self.seeds, "shown": self._shown, **leaves}
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Continue the episodes of ``saved``. Raises a KeyError, TypeError or ValueError where they are others."""
@@ -152,22 +152,22 @@ class Episodes:
         self.world = trees.refilled(self.world, saved["world"])
         self._state = trees.refilled(self.state, saved["state"])
         self._memory = trees.refilled(self._memory, saved["memory"])
-        self._received, self.seeds = saved["received"], saved["seeds"]
+        self._shown, self.seeds = saved["shown"], saved["seeds"]
         for row, state in enumerate(saved["generators"]):
             if state is not None:
                 self.generator(row).bit_generator.state = state
 
     def observe(self) -> tuple[Array, Info]:
         """Observations (env, fields) and the state info."""
-        return self._observed(self.state, self._received)
+        return self._observed(self.state, self._shown)
 
-    def _observed(self, state: State, received: Array | None) -> tuple[Array, Info]:
+    def _observed(self, state: State, shown: Array | None) -> tuple[Array, Info]:
         """``observe`` of a state.
 
         Costs and key figures reach info uncopied, so a system must return fresh arrays, not views of its state
         (``check_vector_env`` finds systems that do not).
         """
-        observation, saturated = self.observer(state.belief if received is None else received)
+        observation, saturated = self.observer(state.belief if shown is None else shown)
         cost = self.system.cost(state.belief)
         return observation, {"cost": cost, "saturated": saturated, **self.system.state_info(state)}
 
@@ -179,27 +179,27 @@ class Episodes:
         """
         if keep is not None and keep.all():
             return *self.observe(), np.zeros(self.num_envs), {}
-        measured: Any = self._measured(actions) if self.measurements or self._received is not None else None
-        before = Before(self.state, actions, self.world, self._memory, self._received, measured, keep)
+        measured: Any = self._measured(actions) if self.measurements or self._shown is not None else None
+        before = Before(self.state, actions, self.world, self._memory, self._shown, measured, keep)
         after: After = in_chunks(self._advanced, before, self.num_envs, self._threads)
-        self._state, self._received, terms = after.state, after.received, after.transition_info
+        self._state, self._shown, terms = after.state, after.shown, after.transition_info
         if self.measurements:
             terms = {**terms, **{f"measured_{name}": values for name, values in measured._asdict().items()}}
         return after.observation, after.state_info, after.reward, terms
 
     def _advanced(self, before: Before) -> After:
         """A step of a batch, or of a chunk of it. It changes nothing here, as chunks are advanced side by side."""
-        previous, actions, world, memory, received, measured, keep = before
+        previous, actions, world, memory, shown, measured, keep = before
         following = self.system.transition(previous, actions, world)
         if keep is not None:
             following = trees.merged(following, keep, previous)
         if isinstance(self.observer, MeasurementObserver):
             new = self.observer.after(following.belief, actions, measured)
-            received = new if keep is None else _replaced(received, ~keep, new)
-        observation, state_info = self._observed(following, received)
+            shown = new if keep is None else _replaced(shown, ~keep, new)
+        observation, state_info = self._observed(following, shown)
         cost = state_info["cost"]
         reward, terms = self.reward(Transition(self.system, previous, actions, following, cost, memory))
-        return After(following, received, observation, state_info, reward, terms)
+        return After(following, shown, observation, state_info, reward, terms)
 
     def _measured(self, actions: Array) -> Any:
         """What the sensors report in a step, of all environments: scans have as many places as the fullest."""

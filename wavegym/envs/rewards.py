@@ -16,7 +16,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.policy import Policy
 from wavegym.core.registry import Registry
-from wavegym.core.shortcuts import outlook
+from wavegym.core.shortcuts import resting_cost
 from wavegym.core.system import State, System
 from wavegym.core.traits import UnequalSteps
 from wavegym.schedulers import Myopic, rollout
@@ -72,26 +72,26 @@ class CostInTargets(Cost):
         return -transition.cost / system.c0, {}
 
 
-class Outlook(Cost):
+class ShapedCost(Cost):
     """Minus the cost over c0, and minus what the dwell adds to the cost that is to come if the beam rests.
 
-    The sum over an episode is that of "cost-in-targets" but for the ends: the outlook is a potential (Ng, Harada and
-    Russell, 1999). A dwell is rewarded at once for what it takes off the seconds after it, so that an agent need not
-    find its effect among those of the next hundred dwells.
+    Potential-based shaping (Ng, Harada and Russell, 1999): a dwell is credited with the predicted cost it saves in the
+    coming seconds, so that an agent need not find its effect among those of the next hundred dwells. The sum over an
+    episode is that of "cost-in-targets" but for the ends.
     """
 
     SECONDS = 0.7  # a usual time between two updates of a track
 
     def begin(self, system: System, world: Any) -> None:
-        """Nothing to remember. Raises an InputError where the system has no outlook."""
-        if why := outlook.why_not(system):
-            raise InputError(f"reward is 'outlook', expected 'cost' (nearest): of {type(system).__name__}, {why}")
+        """Nothing to remember. Raises an InputError where the system has no ``resting_cost``."""
+        if why := resting_cost.why_not(system):
+            raise InputError(f"reward is 'shaped-cost', expected 'cost' (nearest): of {type(system).__name__}, {why}")
 
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""
         system: Any = transition.system
         before, after = (
-            outlook(system, state.belief, self.SECONDS) for state in (transition.previous, transition.following)
+            resting_cost(system, state.belief, self.SECONDS) for state in (transition.previous, transition.following)
         )
         return (before - after - transition.cost) / system.c0, {}
 
@@ -232,7 +232,7 @@ RELATIVE = {
 OWN: dict[str, Callable[[], Reward]] = {
     "cost": Cost,
     "cost-in-targets": CostInTargets,
-    "outlook": Outlook,
+    "shaped-cost": ShapedCost,
     "log-cost": LogCost,
     "trace": Trace,
     "error": TrueError,

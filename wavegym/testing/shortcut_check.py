@@ -186,10 +186,10 @@ def _most_information(system: Any, at: Sample) -> str | None:
 
 
 def _sensor_by_sensor(system: Any, at: Sample) -> str | None:
-    sent, sensors = system.action_set, shortcuts.sensor_by_sensor(system)
+    pulses, sensors = system.action_set, shortcuts.sensor_by_sensor(system)
     predicted = sensors.begin(at.belief)
-    C = sent.unit_covariance(at.candidates[:1])  # (1, sensor, 2, 2)
-    rows, windows = sent.windows(at.candidates[:1])
+    C = pulses.unit_covariance(at.candidates[:1])  # (1, sensor, 2, 2)
+    rows, windows = pulses.windows(at.candidates[:1])
     windows = windows[rows]
     want = _costs(system, at.belief, at.candidates[:1])[:, 0]
     *others, last = range(C.shape[1])
@@ -293,11 +293,11 @@ def _gain_per_second(system: Any, at: Sample) -> str | None:
     return None if got.shape == shape else f"gain_per_second() returned shape {got.shape}, expected {shape}"
 
 
-def _outlook(system: Any, at: Sample) -> str | None:
+def _resting_cost(system: Any, at: Sample) -> str | None:
     waited = system.predict(at.belief, np.repeat(system.candidates()[-1:], WORLDS, axis=0))
-    got, want = shortcuts.outlook(system, at.belief, float(system.duration(waited)[0])), system.cost(waited)
+    got, want = shortcuts.resting_cost(system, at.belief, float(system.duration(waited)[0])), system.cost(waited)
     off = _differ(got, want, want, NEARLY)  # targets that come in the meantime may be left out
-    return f"outlook() is {got.tolist()}, but a wait costs {want.tolist()}" if off else None
+    return f"resting_cost() is {got.tolist()}, but a wait costs {want.tolist()}" if off else None
 
 
 RULE = DwellRule(ahead=0.5, later=1.0, far=0.25, tentative=1.0, long=0.0, worth=1.0, long_search=0.0, load=0.0)
@@ -364,7 +364,7 @@ CHECKS: dict[str, Check] = {
     "next_pulse": _next_pulse,
     "measured_fields": _measured_fields,
     "gain_per_second": _gain_per_second,
-    "outlook": _outlook,
+    "resting_cost": _resting_cost,
     "scores": _scores,
     "simulate": _simulate,
     "fused_transition": _fused,

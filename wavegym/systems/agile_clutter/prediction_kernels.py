@@ -201,7 +201,7 @@ def observe(step, mean, covariance, horizon, targets, F, Q, radar, out, nn):
 
 
 @kernel
-def measure(step, mean, covariance, truth, outside, most, weight, targets, weights, values, flags, components):
+def track_errors(step, mean, covariance, truth, outside, most, weight, targets, weights, values, flags, components):
     """Figures of the targets present, else 0, and the number of components of their mixtures, (e, t) each.
 
     values (4, e, t): position error, position variance, squared error (weighted) and NEES. flags (2, e, t): whether a

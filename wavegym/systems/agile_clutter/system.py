@@ -304,8 +304,8 @@ class AgileClutter(ClutterScenario, DecisionMakers):
 
     def pulse(self, belief: Belief, actions: Array) -> Pulse:
         """The pulses of ``actions`` (env or 1, candidate, ...): here every sensor illuminates all targets."""
-        sent = self.action_set
-        return Pulse(sent.unit_covariance(actions), *self._full_illumination, *sent.windows(actions))
+        pulses = self.action_set
+        return Pulse(pulses.unit_covariance(actions), *self._full_illumination, *pulses.windows(actions))
 
     @cached_property
     def _full_illumination(self) -> tuple[Array, Array]:
@@ -360,7 +360,7 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         values, flags = np.empty((4, *truth.outside.shape)), np.empty((2, *truth.outside.shape), np.bool_)
         components = np.empty(truth.outside.shape, np.int64)
         weight = belief.hypotheses.weight if self.tracker == "mixture" else NO_MIXTURE
-        prediction.measure(
+        prediction.track_errors(
             *belief[:3], truth.targets, truth.outside, LOST_AFTER, weight, self._targets, self._weights, values, flags,
             components
         )  # fmt: skip

@@ -244,9 +244,9 @@ class BeamAllocation(AgileClutter):
         """Every sensor illuminates one target, with chance 1 if that target is visible."""
         seen = coming(belief.visible, belief.step, 1).now[:, None, None]
         chance = np.where(self.action_set.illuminated.take(actions, 0) & seen, 1.0, 0.0)
-        sent = self.action_set
+        pulses = self.action_set
         strength = self._full_illumination[0]
-        return Pulse(sent.unit_covariance(actions), strength, chance, *sent.windows(actions))
+        return Pulse(pulses.unit_covariance(actions), strength, chance, *pulses.windows(actions))
 
     def predict(self, belief: Any, actions: Array, outcome: Array | None = None) -> Any:
         """The belief after one pulse of every sensor; see ``AgileClutter``."""

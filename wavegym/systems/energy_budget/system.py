@@ -251,8 +251,8 @@ class EnergyBudget(AgileClutter):
         """The fields of every candidate's ``Pulse`` in clear slots, each (candidate, ...), and the windows."""
         options = self.action_set.actions.indices
         illuminated = np.repeat((options > 0)[..., None], len(self.starts), axis=2).astype(np.float64)
-        sent = self.action_set
-        return sent.unit_covariances[options], sent.strength[options], illuminated, options, sent.sensor_windows
+        pulses = self.action_set
+        return pulses.unit_covariances[options], pulses.strength[options], illuminated, options, pulses.sensor_windows
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:  # type: ignore[override]

@@ -194,7 +194,7 @@ def observe(mean, P, step, horizon, r0, nearest, nn, out):
 
 
 @kernel
-def measure(mean, P, truth, out):
+def track_errors(mean, P, truth, out):
     """out (4, e): |range error|, variance of range, |range-rate error|, NEES over both (2 degrees of freedom)."""
     for e in range(mean.shape[0]):
         a, b = mean[e, 0] - truth[e, 0], mean[e, 1] - truth[e, 1]

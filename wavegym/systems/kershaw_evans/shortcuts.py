@@ -39,7 +39,7 @@ def _cut_pulses(system: KershawEvans, action: Array, path: Array, step: Array) -
     """What the receiver sees of the given pulses of a step, which are cut by tables."""
     each = np.arange(len(step))
     ahead = np.minimum(step + 1, system.horizon)  # past the end of an episode the result is not used
-    return Pulses(system._received(action, path[each, ahead, 0]), np.ones(len(each)), each, -math.inf)
+    return Pulses(system._covariance_from(action, path[each, ahead, 0]), np.ones(len(each)), each, -math.inf)
 
 
 @shortcuts.best_sequence.register(KershawEvans)
@@ -93,7 +93,7 @@ def next_pulse(system: KershawEvans, belief: Belief) -> tuple[Array, Array]:
 def innovation_covariance(system: KershawEvans, belief: Belief, actions: Array) -> Array:
     """S = H P H' + R one step ahead, (env, candidate, 2, 2), for actions (env or 1, candidate)."""
     P, eta = next_pulse(system, belief)
-    return P[:, None, :MEASURED, :MEASURED] + system._expected(belief, actions) / eta[:, None, None, None]
+    return P[:, None, :MEASURED, :MEASURED] + system._predicted_covariance(belief, actions) / eta[:, None, None, None]
 
 
 @shortcuts.measured_fields.register(KershawEvans)

@@ -330,7 +330,7 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
 
     def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
         """Range and range-rate with an error of covariance C / eta at the true range."""
-        C, z = self._received(action, truth.targets[:, 0]), np.empty((len(belief.step), MEASURED))
+        C, z = self._covariance_from(action, truth.targets[:, 0]), np.empty((len(belief.step), MEASURED))
         kernels.receive(truth.targets, belief.step, world.normal, C, *self.truth_model._snr_law, z)
         eta = range_law_snr(abs(truth.targets[:, 0]), *self._snr_law)
         return Measurements(z, C * (1.0 / eta)[:, None, None])
@@ -358,18 +358,18 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
         The tracker's process noise does not change.
         """
         several = actions.ndim == (2 if self.action == "library" else 3)
-        C = self._expected(belief, actions if several else actions[:, None])
+        C = self._predicted_covariance(belief, actions if several else actions[:, None])
         x, P = kernels.predict(belief.mean, belief.covariance, C, *self._radar(belief))
         step, Q = (belief.step + 1)[:, None].repeat(x.shape[1], axis=1), belief.process_noise
         if not several:
             return Belief(step[:, 0], x[:, 0], P[:, 0], process_noise=Q)
         return Belief(step, x, P, process_noise=None if Q is None else Q[:, None].repeat(x.shape[1], axis=1))
 
-    def _received(self, action: Array, ranges: Array) -> Array:
+    def _covariance_from(self, action: Array, ranges: Array) -> Array:
         """C (env, 2, 2) of the pulses of actions (env,) or (env, 2) as received from ranges (env,)."""
         return self.action_set.received_covariance(action[:, None], ranges)[:, 0]
 
-    def _expected(self, belief: Belief, actions: Array) -> Array:
+    def _predicted_covariance(self, belief: Belief, actions: Array) -> Array:
         """C (env or 1, candidate, 2, 2) of actions (env or 1, candidate) as received from the predicted range."""
         return self.action_set.received_covariance(actions, self._ranges_ahead(belief, 1)[:, 0])
 
@@ -407,7 +407,7 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
         ``position_variance`` (m^2).
         """
         out = np.empty((4, len(state.belief.step)))
-        kernels.measure(state.belief.mean, state.belief.covariance, state.truth.targets, out)
+        kernels.track_errors(state.belief.mean, state.belief.covariance, state.truth.targets, out)
         return {"position_error": out[0], "position_variance": out[1], "velocity_error": out[2], "nees": out[3]}
 
 

@@ -56,8 +56,8 @@ def simulate(
     return mean
 
 
-@shortcuts.outlook.register(MultifunctionRadar)
-def outlook(system: MultifunctionRadar, belief: Belief, seconds: float) -> Array:
+@shortcuts.resting_cost.register(MultifunctionRadar)
+def resting_cost(system: MultifunctionRadar, belief: Belief, seconds: float) -> Array:
     """In m^2 s."""
     out = np.empty(len(belief.step))
     kernels.rest(belief, seconds, system.laws, out)
