@@ -51,7 +51,7 @@ def predict_chirps(i, code, place, x, P, chirps, windows, radar, q2, work, nn):
 
 @kernel
 def predict_codes(x, P, chirps, windows, radar, q2, M, worth, work, nn):
-    """worth (code,): reduction of trace(M P) by each code's chirps; the target has mean x (code, n), covariance P[0]."""
+    """worth (code,): reduction of trace(M P) by each code's chirps; target with mean x (code, n), covariance P[0]."""
     sensors, base, codes = len(radar[0]), len(chirps) + 1, len(worth)
     place = codes
     for i in range(sensors):

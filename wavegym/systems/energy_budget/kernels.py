@@ -61,7 +61,7 @@ def gain(step, mean, covariance, wait, clear, left, M, pulse, choices, targets, 
 
 @kernel
 def last_fall(c, i, present, pulse, seen, z, S, G, M, radar, q2):
-    """Reduction of trace(M P) by the last sensor's pulse, summed over targets; z, S, G are predicted for this sensor."""
+    """Reduction of trace(M P) by the last sensor's pulse, summed over targets; z, S, G: predicted for this sensor."""
     total = 0.0
     for t in range(len(present)):
         if present[t] and seen[c, i, t] > 0.0:
