@@ -6,10 +6,10 @@ entry ``e`` of a batch, because indexing a whole array is three times faster in 
 fused kernels of the systems call them too. A matrix that is not positive definite gives NaN, never an exception: a
 kernel must not stop in the middle of a batch.
 
-If measurement errors are independent, updates with one scalar at a time are exact. With a diagonal R, [P^-1 + H' R^-1
-H]^-1 is one rank-one update for each row h of H (Sherman and Morrison), without a matrix inverse: P - v v' / s with v =
-P h, s = h'v + variance. A missing measurement has an infinite variance. ``cc`` holds the columns in which a row may
-differ from 0, known at compile time. With position columns only, the work is halved.
+If measurement errors are independent, updates with one scalar at a time are exact. With a diagonal R,
+[P^-1 + H' R^-1 H]^-1 is one rank-one update for each row h of H (Sherman and Morrison), without a matrix inverse:
+P - v v' / s with v = P h, s = h'v + variance. A missing measurement has an infinite variance. ``cc`` holds the columns
+in which a row may differ from 0, known at compile time. With position columns only, the work is halved.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
