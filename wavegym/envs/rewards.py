@@ -58,7 +58,7 @@ class Cost:
 
 
 class CostInTargets(Cost):
-    """Minus the cost over c0: seconds of one target that nobody sees. For systems with a parameter ``c0``."""
+    """Minus the cost divided by c0, in seconds of one unseen target. For systems with a parameter ``c0``."""
 
     def begin(self, system: System, world: Any) -> None:
         """Nothing to remember. Raises an InputError where the system has no c0."""
@@ -73,11 +73,11 @@ class CostInTargets(Cost):
 
 
 class Outlook(Cost):
-    """Minus the cost over c0, and minus what the dwell adds to the cost that is to come if the beam rests.
+    """Minus the cost divided by c0, and minus the change of the outlook: the cost to come if the beam rests.
 
-    The sum over an episode is that of "cost-in-targets" but for the ends: the outlook is a potential (Ng, Harada and
-    Russell, 1999). A dwell is rewarded at once for what it takes off the seconds after it, so that an agent need not
-    find its effect among those of the next hundred dwells.
+    This is potential-based shaping (Ng, Harada and Russell, 1999): a dwell is credited with the predicted cost it
+    saves. So an agent need not find its effect among those of the next hundred dwells. The sum over an episode is that
+    of "cost-in-targets", except for the two ends.
     """
 
     SECONDS = 0.7  # a usual time between two updates of a track

@@ -141,8 +141,8 @@ def sweep(
 ) -> list[Swept]:
     """Play as many settings as the budget allows.
 
-    A setting is played if it is expected to take at most a quarter of the budget and what is left, judged by the last
-    one of its family. Each family's setting of least work is tried on two worlds before.
+    A setting is played if its expected time is at most a quarter of the budget and at most the remaining budget. The
+    last setting of its family gives the expectation. The cheapest setting of each family is first tried on two worlds.
 
     Args:
         system: the closed loop.
