@@ -22,7 +22,7 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class Registration(NamedTuple):
-    """What is known of an id before its environment is made.
+    """The record of an id, known before its environment is made.
 
     Attributes:
         system: a System class or object, or ``"package.module:Class"``.

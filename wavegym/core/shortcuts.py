@@ -83,7 +83,7 @@ class Shortcut(Generic[P, R]):
         return registered
 
     def withdraw(self, cls: type) -> None:
-        """Systems of this class do not have it, whatever their base class has."""
+        """Systems of this class do not have the shortcut, even if their base class has it."""
         self._put(cls, None)
 
     def _put(self, cls: type, function: Callable[..., R] | None) -> None:

@@ -35,19 +35,19 @@ class Begun(NamedTuple):
 
 
 class Before(NamedTuple):
-    """What a step of a batch begins with."""
+    """The state of a batch before a step."""
 
     state: State
     actions: Array
     world: Any
     memory: Any  # the reward's
-    received: Array | None  # what a MeasurementObserver shows
-    measured: Any  # what the sensors report in the step, where somebody asks for it
+    received: Array | None  # the observation of a MeasurementObserver
+    measured: Any  # the measurements of the step, if requested
     keep: Array | None  # environments that wait, (env,) bool
 
 
 class After(NamedTuple):
-    """What a step of a batch ends with."""
+    """The state of a batch after a step."""
 
     state: State
     received: Array | None
@@ -125,7 +125,7 @@ class Episodes:
             self._received = _replaced(self._received, rows, self.observer.first(self.state.belief))
 
     def _begun(self, world: Any) -> Begun:
-        """The initial states of worlds, and what the reward remembers of them."""
+        """The initial states of worlds, and the memory of the reward."""
         return Begun(self.system.initial(world), self.reward.begin(self.system, world))
 
     def generator(self, row: int) -> np.random.Generator:
@@ -202,7 +202,7 @@ class Episodes:
         return After(following, received, observation, state_info, reward, terms)
 
     def _measured(self, actions: Array) -> Any:
-        """What the sensors report in a step, of all environments: scans have as many places as the fullest."""
+        """The measurements of a step in all environments; all scans have the length of the longest one."""
         truth = self.system.move(self.state.truth, self.state.belief.step, self.world)
         return self.system.measure(truth, self.state.belief, actions, self.world)
 

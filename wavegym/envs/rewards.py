@@ -105,7 +105,7 @@ class LogCost(Cost):
 
 
 class Trace(Cost):
-    """-trace(Lambda P) summed over the targets, whatever the cost of the system is."""
+    """-trace(Lambda P) summed over the targets, also in a system with another cost."""
 
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""

@@ -183,7 +183,7 @@ class WaveformVectorEnv(VectorEnv):
         return observation, reward, *endings(self.system, belief, self.max_episode_steps), state_info, transition_info
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """What a method, or an attribute, of each single environment would give, as in SyncVectorEnv.
+        """The result of a method or attribute of each single environment, as in SyncVectorEnv.
 
         Raises:
             AttributeError: there is none of this name.

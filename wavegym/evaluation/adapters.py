@@ -51,7 +51,7 @@ class Factory:
 def as_policy(
     given: Any, env: Task | str | None = None, *, name: str = "", trust: bool = False, **parameters: Any
 ) -> Policy:
-    """A Policy of whatever chooses actions.
+    """A ``Policy`` made of anything that chooses actions.
 
     Args:
         given: a Policy; a function (observation) -> actions, of observations (env, fields) float32 and actions

@@ -25,7 +25,7 @@ from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 BASELINE = "myopic"
 FLOOR = "random"
 MOST_OUTSIDE = 0.1  # share of decisions on observations outside a policy's training without a warning
-CHUNK = 50  # worlds played as one batch, whatever the number of jobs: a network's last bits depend on its batch
+CHUNK = 50  # worlds in one batch, for any number of jobs: a network's last bits depend on its batch
 
 
 @dataclass(frozen=True, repr=False)

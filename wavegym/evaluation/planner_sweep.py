@@ -51,7 +51,7 @@ class Setting(NamedTuple):
 
     @property
     def work(self) -> float:
-        """What a decision takes, in units that depend on the family."""
+        """The work of a decision, in units that depend on the family."""
         depth = float(self.depth or 1)
         if self.planner.startswith("lookahead"):  # as a system's own plan grows; sequences are tried for few depths
             return depth * depth
@@ -60,7 +60,7 @@ class Setting(NamedTuple):
 
 
 class Swept(NamedTuple):
-    """What a setting costs, relative to the best heuristic on the same worlds."""
+    """The cost of a setting, relative to the best heuristic on the same worlds."""
 
     setting: Setting
     worlds: int

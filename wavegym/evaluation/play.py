@@ -269,7 +269,7 @@ def merged(parts: Sequence[Played]) -> Played:
 
 
 def _lengthened(part: Played, steps: int) -> Played:
-    """With so many steps past the end of every episode."""
+    """With this number of steps after the end of every episode."""
     gap = ((0, 0), (0, steps))
     return part._replace(
         cost=np.pad(part.cost, gap, constant_values=np.nan),

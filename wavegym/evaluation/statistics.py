@@ -70,7 +70,7 @@ def ratio(values: Array, others: Array, rng: np.random.Generator) -> Estimate:
 
 
 def of_worlds(statistic: Callable[[Array], Array], count: int, rng: np.random.Generator) -> Estimate:
-    """Of so many worlds any ``statistic`` of their indices, (..., world) -> (...)."""
+    """Any ``statistic`` of the indices of this number of worlds, (..., world) -> (...)."""
     return _estimate(lambda members, worlds: statistic(worlds), (1, count), rng)
 
 

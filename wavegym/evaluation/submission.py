@@ -46,7 +46,10 @@ from wavegym.registration import SYSTEMS, full_id
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded
 
 FILE = "submission.toml"
-PARAMETERS = ("action", "points")  # what a submission may change: how actions are told, never the world or the tracker
+PARAMETERS = (
+    "action",
+    "points",
+)  # the form of the actions; a submission may not change the world or the tracker
 DIGITS = 6  # of a cost
 CLOSED = ConfigDict(extra="forbid")
 FREE_ENERGY = 2.0  # longest pulses of one radar in a step: what two radars can spend

@@ -70,7 +70,7 @@ class TimedMaskableRolloutBuffer(_Timed, MaskableRolloutBuffer):
 
 
 class NoteDurations(BaseCallback):
-    """Tells a timed buffer how long each step was (``info["duration"]``), before the step is added to it."""
+    """Gives a timed buffer the duration of each step (``info["duration"]``) before the step is added."""
 
     def _on_step(self) -> bool:
         buffer: Any = self.locals["rollout_buffer"]

@@ -42,7 +42,7 @@ class TrainingRange(NamedTuple):
 
     @classmethod
     def of(cls, observation: Array, own: int, forecasts: int) -> TrainingRange:
-        """The range of observations (env, element), with so many forecasts of each candidate."""
+        """The range of observations (env, element), with this number of forecasts of each candidate."""
         low, high = _extremes(observation, own, own + forecasts)
         return cls(own, low.min(axis=0), high.max(axis=0))
 

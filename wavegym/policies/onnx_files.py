@@ -261,7 +261,7 @@ class OnnxPolicy:
             options.log_severity_level, options.intra_op_num_threads = 3, 1
             try:
                 self._session = onnxruntime.InferenceSession(self._content, options)
-            except Exception as error:  # whatever the runtime raises
+            except Exception as error:  # any error of the runtime
                 text = " ".join(str(error).split())
                 raise InputError(f"policy {str(self.file)!r} is no ONNX model that can be loaded: {text}") from None
         return self._session

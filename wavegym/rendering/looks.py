@@ -76,7 +76,7 @@ class LookScene(ABC):
 
     @abstractmethod
     def report(self, moment: Moment) -> str:
-        """What the last step brought, in a line."""
+        """The result of the last step, in a line."""
 
     @abstractmethod
     def looks(self, moment: Moment) -> Looks:

@@ -110,7 +110,7 @@ class Myopic:
 
 
 def require(name: str, system: System, kind: Shortcut[..., Any] | type) -> None:
-    """Raise an InputError unless the system has the shortcut or trait that the scheduler ``name`` needs."""
+    """Raise an InputError if the system lacks the shortcut or trait that the scheduler ``name`` needs."""
     why = why_not(system, kind)
     if why:
         raise impossible(name, system, why)

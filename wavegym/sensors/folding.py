@@ -381,7 +381,7 @@ def _candidates(detections: Sequence[FloatArray], widths: FloatArray, low: float
 
 
 def _centred(difference: FloatArray, width: FloatArray | float) -> FloatArray:
-    """``difference`` less the nearest multiple of ``width``."""
+    """``difference`` minus the nearest multiple of ``width``."""
     return difference - width * np.rint(difference / width)
 
 

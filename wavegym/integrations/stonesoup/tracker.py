@@ -35,7 +35,7 @@ from wavegym.targets.motion import MotionModel
 from wavegym.trackers.protocol import UNKNOWN, Estimate, MeasurementModel, OneByOne, Scan
 
 BEFORE = datetime(2000, 1, 1)
-NOW = BEFORE + timedelta(seconds=1)  # models of wavegym are those of one step, whatever its length
+NOW = BEFORE + timedelta(seconds=1)  # models of wavegym are for one step of any length
 GATED = partial(PDAHypothesiser, prob_gate=float(gate_probability(4.0)))  # four standard deviations, as in AgileClutter
 
 
