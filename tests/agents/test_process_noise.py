@@ -40,7 +40,7 @@ def test_figures_page_and_picture(results: dict, monkeypatch: pytest.MonkeyPatch
             ratio = ahead["squared_error"] / myopic["squared_error"]
             assert ahead["truth"]["value"] == pytest.approx(100.0 * (ratio - 1.0))
     for case in drawn["cases"][:2]:
-        # 20 episodes of 50 steps, about 2 steps long in memory: a standard error of some 2 sqrt(2 / 1000) = .1
+        # 20 episodes of 50 steps, about 2 steps long in memory: a standard error of some 2 sqrt(2 / 1000) = 0.1
         assert abs(case["policies"]["myopic"]["nees"] - 2.0) < 0.4
     assert drawn["cases"][1]["policies"]["lookahead:2"]["belief"]["value"] < -10.0  # README's first table
 

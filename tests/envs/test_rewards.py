@@ -56,7 +56,7 @@ def test_where_no_track_is_lost_the_reward_is_minus_the_weighted_trace_of_the_co
 
 
 class Doubted(KershawEvansPosition):
-    """A track that exists with the probability .75; without it a target costs 1000 m^2."""
+    """A track that exists with the probability 0.75; without it a target costs 1000 m^2."""
 
     def cost(self, belief):
         return 0.75 * np.minimum(super().cost(belief), 1000.0) + 0.25 * 1000.0

@@ -177,7 +177,7 @@ def test_in_simulated_futures_the_price_follows_what_is_left():
 def test_constant_pace_spends_no_more_than_its_share():
     belief = start(10)
     gain = shortcuts.gain(SYSTEM, belief, 0, 3)
-    for share, allowed in [(1.0, [0, 2, 4]), (3.0, range(5)), (0.1, [4])]:  # .4 a step: the short pulses and silence
+    for share, allowed in [(1.0, [0, 2, 4]), (3.0, range(5)), (0.1, [4])]:  # 0.4 a step: the short pulses and silence
         chosen = begun(ConstantPace(3, share)).act(belief, None, None)
         assert set(chosen) <= set(allowed)
         best = gain[:, list(allowed)].max(axis=1)

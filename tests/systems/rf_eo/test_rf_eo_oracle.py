@@ -147,7 +147,7 @@ CLOSED = [
 def test_transition_is_the_plain_step(settings):
     """From each state of the system's own episode; random settings of the whole box, so that much is out of view.
 
-    Repeated regressions converge slowly: they end within .01 deviations of each other.
+    Repeated regressions converge slowly: they end within 0.01 deviations of each other.
     """
     system, rng = RfEo(horizon=8, **settings), np.random.default_rng(3)
     worlds = oracles.worlds(system, 2, seed=4)

@@ -63,7 +63,7 @@ def test_nees_over_all_steps(name, policy):
         return
     assert np.abs(means - 4).max() < 4 * error
     assert abs(means.mean() - 4) < 3 * error
-    assert np.mean(np.array(nees) > 18.47) < 0.003  # chi-square, 4 degrees of freedom: .001
+    assert np.mean(np.array(nees) > 18.47) < 0.003  # chi-square, 4 degrees of freedom: 0.001
     spread = (square / square.mean() - trace / trace.mean()).std() / np.sqrt(WORLDS)
     assert abs(square.mean() / trace.mean() - 1) < 4 * spread
 
