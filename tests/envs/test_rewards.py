@@ -1,4 +1,4 @@
-"""Rewards: what each is of the cost, and that a reward of one's own can be injected."""
+"""Rewards: how each one follows from the cost, and that a user's own reward can be injected."""
 
 import dataclasses
 
@@ -273,7 +273,7 @@ def test_where_steps_differ_in_length_no_reward_is_relative():
 
 
 def test_the_outlook_is_a_potential_and_that_of_a_wait():
-    """Rewards sum up to the cost but for the ends; without traffic, the outlook is the cost of a long wait."""
+    """Rewards sum up to the cost, except for the ends; without traffic, the outlook is the cost of a long wait."""
     envs = WaveformVectorEnv(MultifunctionRadar, 3, reward="outlook", slots=12, targets=5.0)
     envs.reset(seed=2)
     first, total, cost = shortcuts.outlook(envs.system, envs.belief, Outlook.SECONDS), np.zeros(3), np.zeros(3)

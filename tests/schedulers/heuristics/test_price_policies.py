@@ -100,7 +100,7 @@ def test_the_prepared_price_is_the_lowest_of_an_exhaustive_search_that_lasts():
 
 @pytest.mark.parametrize("thrift", [0.5, 1.0, 1.5])
 def test_the_predicted_account_is_spent_as_the_thrift_says(thrift):
-    """Of a unit that the expected recursion spends, 1 / thrift leaves the account."""
+    """For each unit that the expected recursion spends, 1 / thrift leaves the account."""
     belief = start(5)
     prepared = begun(AdaptiveLagrangianPrice(3, thrift)).prepare(belief)
     for env in range(5):
@@ -110,7 +110,7 @@ def test_the_predicted_account_is_spent_as_the_thrift_says(thrift):
 
 
 def test_in_a_simulated_future_the_price_rises_with_the_cube_of_what_is_missing():
-    """At the root it is the prepared price; with an account of 1 / 1.1 of the prediction, 1.1 cubed of it."""
+    """At the root it is the prepared price; if the account is 1 / 1.1 of the prediction, 1.1^3 times that price."""
     belief = start(6)
     heuristic = begun(AdaptiveLagrangianPrice(3))
     prepared = heuristic.prepare(belief)

@@ -101,7 +101,7 @@ def expected_cost(system, policy, belief, tries, seed):
 
 
 def test_a_node_of_the_tree_search_knows_the_cost_to_come_from_it(monkeypatch):
-    """Of two certain steps: the root that of both, its children that of the second alone."""
+    """With two certain steps, the root has the cost of both and its children that of the second."""
     roots, given = [], mcts._line
     monkeypatch.setattr(mcts, "_line", lambda root, options: roots.append(root) or given(root, options))
     belief = CERTAIN.initial(delay_worlds(CERTAIN, 1)).belief
@@ -275,7 +275,7 @@ def test_neighbours_differ_by_a_move_or_two_of_what_is_still_to_come():
 
 
 def test_decisions_do_not_depend_on_the_batch_where_nothing_is_drawn():
-    """A future of the expected recursion is the same whoever is beside it."""
+    """A future of the expected recursion does not depend on the rest of the batch."""
     belief = CERTAIN.initial(delay_worlds(CERTAIN, 5)).belief
     futures = SampledFutures(base(), STEPS, 1)
     futures.begin(CERTAIN, 5, np.random.default_rng(0))

@@ -151,7 +151,7 @@ def test_the_recursion_is_the_loops_covariance():
 
 
 def test_the_tracker_adapts_where_the_targets_are_not_drawn_from_its_model() -> None:
-    """Unless the user says otherwise."""
+    """The user can choose another tracker."""
     trackers = {targets: KershawEvans(targets=targets)._own_tracker for targets in ("random", "scripted")}
     assert trackers["random"] is None
     assert [model.Q[1, 1] for model in trackers["scripted"].models] == [0.01, 1.0, 100.0]  # q dt

@@ -262,7 +262,7 @@ def test_traffic_is_in_equilibrium():
 
 
 @pytest.mark.slow
-def test_beliefs_are_honest():
+def test_beliefs_agree_with_the_truth():
     """Over 48 worlds under the one-step rule: existence, the undetected, the cost and the NEES against the truth.
 
     Expected numbers of targets are within three standard errors; a tenth is left for the approximations of the filter

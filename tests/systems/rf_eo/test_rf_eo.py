@@ -247,7 +247,7 @@ def test_after_a_range_alone_the_belief_is_as_wide_as_the_posterior():
         assert ratios.max() < 1.8
 
 
-def test_the_plain_extended_filter_is_not():
+def test_the_plain_extended_filter_is_not_consistent():
     """One linearisation at the halfway estimate: a NEES of thousands where 4 is right, and no better four steps on."""
     means, _ = mean_nees(RfEo(horizon=5, iterations=1))
     assert means[0] > 1000

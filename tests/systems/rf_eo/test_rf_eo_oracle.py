@@ -213,7 +213,7 @@ def test_the_weighted_information_is_no_small_number(name, total):
     assert t.sum() == pytest.approx(total, rel=0.01)
 
 
-def test_where_the_two_objectives_part():
+def test_the_two_objectives_differ_for_a_fine_and_a_coarse_image():
     """A fine image of the one target ahead has the greater trace, a coarse one of both the greater determinant.
 
     The constraint of 0.5 on the smallest share does not mend it: range and range-rate alone are worth more than that.

@@ -1,4 +1,4 @@
-"""The sector set-up on an urban map: starts on roads, visibility against shapely, and how it is foretold."""
+"""The sector set-up on an urban map: starts on roads, visibility against shapely, and its prediction."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_buildings_hide_targets_where_they_truly_are(change):
     assert np.mean(wrong) > 0.15
 
 
-def test_visibility_is_foretold_as_often_as_it_comes():
+def test_predicted_visibility_is_as_frequent_as_true_visibility():
     """300 worlds with looks now and then: shares by decile of the probability, 1, 6 and 16 steps ahead.
 
     The bound is five standard errors of the mean over worlds, and 0.06 for the few places that are tried.
@@ -113,7 +113,7 @@ def test_visibility_is_foretold_as_often_as_it_comes():
     assert SYSTEM.visible_ahead(state.belief._replace(step=np.full(300, 58)), 4)[:, 2:].max() == 0.0
 
 
-def test_after_a_find_visibility_is_foretold_as_often_as_it_comes():
+def test_predicted_visibility_is_right_after_a_detection():
     """400 worlds of a rule that keeps its tracks. A target was in sight a step ago: hidden places are unlikely.
 
     Without their lower weight a chance of 0.4 came in 0.7 of all cases.
@@ -262,7 +262,7 @@ def test_forecasts_are_finite_where_a_look_may_raise_the_cost():
     assert least < 0.0
 
 
-def test_the_steps_foretold_are_counted():
+def test_predicted_steps_are_counted():
     belief = SYSTEM.initial(oracles.worlds(SYSTEM, 1)).belief
     with pytest.raises(InputError, match="steps is 0"):
         SYSTEM.visible_ahead(belief, 0)
