@@ -2,10 +2,10 @@
 
 No scheduler and no tracker has a smaller expected squared GOSPA distance, if
 
-- it knows where each target is, when it manoeuvres, and its velocity on arrival, to ``VELOCITY`` on each axis; -
-updates point at the target, and neither updates nor searches cause false alarms; - it divides its time freely: u_i(t)
-is the expected share of time on target i, v_s(t) that on sector s. Only the expectation of their sum over all worlds
-must be at most 1. For each purpose the best dwell counts.
+- it knows where each target is, when it manoeuvres, and its velocity on arrival, to ``VELOCITY`` on each axis;
+- updates point at the target, and neither updates nor searches cause false alarms;
+- it divides its time freely: u_i(t) is the expected share of time on target i, v_s(t) that on sector s. Only the
+  expectation of their sum over all worlds must be at most 1. For each purpose the best dwell counts.
 
 Then the expected information of a track, E[Lambda], is at most the result of the recursion with the expected
 information of the echoes, because predict(Lambda) is concave. The probability d that a target has been found is at most
@@ -186,8 +186,9 @@ class Relaxation:
     def cost(self, share: Tensor) -> Tensor:
         """Time-averaged cost of each target, in targets, (i,).
 
-        Args: share: expected share of time, (k, i + sectors + 1); the last is idle. The share of a target is divided by
-        the number of worlds.
+        Args:
+            share: expected share of time, (k, i + sectors + 1); the last is idle. The share of a target is divided by
+                the number of worlds.
         """
         targets, sectors = self.here.shape[1], self.system.sectors
         u = (share[:, :targets] * self.count).unbind(0)

@@ -36,9 +36,10 @@ class Agent:
     """An agent, trained once for each seed.
 
     Attributes:
-        algo: "ppo" or "dqn". settings: training settings that replace those of wavegym/learning/settings.toml,
-        ``["gamma=0"]``. parameters: of the environment, in training, ``["q=1"]``. seeds: training seeds; if none are
-        given, those of the experiment.
+        algo: "ppo" or "dqn".
+        settings: training settings that replace those of wavegym/learning/settings.toml, ``["gamma=0"]``.
+        parameters: of the environment, in training, ``["q=1"]``.
+        seeds: training seeds; if none are given, those of the experiment.
     """
 
     algo: str
@@ -52,10 +53,15 @@ class Experiment:
     """One table: policies on the same worlds.
 
     Attributes:
-        env: id of the environment. worlds: number of test worlds; with 0 the agents are only trained, and ``make
-        leaderboard`` compares them. policies: names of schedulers. seeds: training seeds. agents: by name. parameters:
-        of the environment, in training and comparison, ``["action=joint"]``. trained_in: another experiment, whose
-        agents are also compared here. tracks: a recording, relative to the repository. radar: position of the radar.
+        env: id of the environment.
+        worlds: number of test worlds; with 0 the agents are only trained, and ``make leaderboard`` compares them.
+        policies: names of schedulers.
+        seeds: training seeds.
+        agents: by name.
+        parameters: of the environment, in training and comparison, ``["action=joint"]``.
+        trained_in: another experiment, whose agents are also compared here.
+        tracks: a recording, relative to the repository.
+        radar: position of the radar.
         shifts: changed parameters by name, ``{"process noise x4": ["q=4"]}``; ``agents.distribution_shift`` plays them.
     """
 

@@ -30,8 +30,9 @@ def suite_score(logs: Mapping[str, Array], suite: list[str], rng: np.random.Gene
     """The figures, with intervals over worlds.
 
     Args:
-        logs: by environment, ln(cost / cost of the best heuristic), (world,), with the same number of worlds. suite:
-        all environments. rng: of the bootstrap.
+        logs: by environment, ln(cost / cost of the best heuristic), (world,), with the same number of worlds.
+        suite: all environments.
+        rng: of the bootstrap.
     """
     table = over_suite(logs, suite)
 

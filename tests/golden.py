@@ -74,9 +74,10 @@ def record(
     """The tape of one environment, and episode costs of its policies and saved agents as hexadecimal floats.
 
     Args:
-        name: such as ``"RfEo-v0"``. policies: policies to play; if empty, all of the environment's. worlds: number of
-        worlds for each scheduler; the random one plays all, because its draws depend on their number. saved: number of
-        worlds for each saved agent; 0 plays none.
+        name: such as ``"RfEo-v0"``.
+        policies: policies to play; if empty, all of the environment's.
+        worlds: number of worlds for each scheduler; the random one plays all, because its draws depend on their number.
+        saved: number of worlds for each saved agent; 0 plays none.
     """
     from wavegym.evaluation.play import play
     from wavegym.evaluation.task import make_task

@@ -24,8 +24,9 @@ def main(train: Callable[[str, int, int], Any], steps: int, **settings: Any) -> 
 
     Args:
         train: a function of the environment's id, the number of steps and the seed; returns anything that
-            ``wavegym.evaluation.as_policy`` takes. steps: default number of environment steps. **settings: of the
-            environment in which the policies play.
+            ``wavegym.evaluation.as_policy`` takes.
+        steps: default number of environment steps.
+        **settings: of the environment in which the policies play.
     """
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--env", default=DEFAULT)

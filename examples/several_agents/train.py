@@ -4,9 +4,9 @@
 
 trains and compares with the schedulers on the same test worlds:
 
-* joint: one network sees the whole observation and chooses the whole action; * shared: one network plays every agent;
-the agent's number, one-hot, is the end of its input; * independent: every agent has a network of its own, trained on
-its own steps in the same worlds.
+* joint: one network sees the whole observation and chooses the whole action;
+* shared: one network plays every agent; the agent's number, one-hot, is the end of its input;
+* independent: every agent has a network of its own, trained on its own steps in the same worlds.
 
 All have the same settings of PPO and the same number of environment steps. A minibatch is a quarter of a network's
 samples of a rollout, so every network makes the same number of gradient steps. Models in ``--out`` are not trained

@@ -30,10 +30,13 @@ class Claim(NamedTuple):
     """A row of the table of claims.
 
     Attributes:
-        text: the claim, a fixed string. case: the scene, setting or tracker in which the claim is checked. measured:
-        the estimate with its 95 % interval, in the unit that ``text`` names. limit: the range in which the estimate
-        should be. paper: what the paper says; ``NONE`` for our own claim. digits: after the decimal point. verdict:
-        ``YES``, ``PARTLY``, ``NO`` or ``UNDECIDED``.
+        text: the claim, a fixed string.
+        case: the scene, setting or tracker in which the claim is checked.
+        measured: the estimate with its 95 % interval, in the unit that ``text`` names.
+        limit: the range in which the estimate should be.
+        paper: what the paper says; ``NONE`` for our own claim.
+        digits: after the decimal point.
+        verdict: ``YES``, ``PARTLY``, ``NO`` or ``UNDECIDED``.
     """
 
     text: str

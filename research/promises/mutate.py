@@ -36,8 +36,11 @@ class Defect:
     """One line that is changed.
 
     Attributes:
-        what: the defect in words. file: of the suite. line: text that occurs in it once. planted: the text that
-        replaces it. tests: files or tests, of which one must fail.
+        what: the defect in words.
+        file: of the suite.
+        line: text that occurs in it once.
+        planted: the text that replaces it.
+        tests: files or tests, of which one must fail.
     """
 
     what: str

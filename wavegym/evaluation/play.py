@@ -108,11 +108,14 @@ def play(
     follows from the seeds, so the result does not depend on the process.
 
     Args:
-        task: the system and its parameters. policy: a scheduler or an agent. A clairvoyant one has a method
-        ``reveal(world)``. seeds: of the worlds. max_steps: stop after this number of steps, even if episodes are
-        unfinished. name: of the policy, in error messages. watch: called after the reset and after each step with the
-        environment, the info, and the worlds that are still in their first episode, bool (world,). The info has the
-        measurements if the system separates them from tracking.
+        task: the system and its parameters.
+        policy: a scheduler or an agent. A clairvoyant one has a method ``reveal(world)``.
+        seeds: of the worlds.
+        max_steps: stop after this number of steps, even if episodes are unfinished.
+        name: of the policy, in error messages.
+        watch: called after the reset and after each step with the environment, the info, and the worlds that are still
+            in their first episode, bool (world,). The info has the measurements if the system separates them from
+            tracking.
 
     Raises:
         InputError: an action that the environment refuses.

@@ -16,7 +16,9 @@ def scan(step: FloatArray, start: FloatArray, noise: FloatArray, nn: Sizes) -> F
 
     Args:
         step: [F L] with the lower triangular L, (n, 2 n); one array, because each argument costs 0.2 us per call.
-        start: x_0, (n,). noise: standard normal w_k, (steps, n). nn: a tuple of n zeros; the compiler knows its length.
+        start: x_0, (n,).
+        noise: standard normal w_k, (steps, n).
+        nn: a tuple of n zeros; the compiler knows its length.
 
     Returns:
         x_0 ... x_steps, (steps + 1, n).

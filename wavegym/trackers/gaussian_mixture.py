@@ -108,13 +108,16 @@ def mixture_update(
 
     Args:
         mixture: predicted components [x y xdot ydot] of each target, with (target, component) axes, in m and m/s.
-        measurements: for each sensor (r, rdot), (measurement, 2): all returns in the gates of all components. pd:
-        detection probabilities, (sensor, target), in (0, 1). noise: measurement covariances, (sensor, target, 2, 2).
-        sensors: positions, (sensor, 2), in m. clutter_density: false returns per m x m/s, > 0. gate: radius of each
-        component's gate in standard deviations; inf: no gates. gate_probability: probability that a detected target's
-        return lies in its component's gate. negligible: limit of merging. A hypothesis with a weight below
-        ``negligible`` / C is merged into its parent's. Components whose merge costs at most ``negligible`` / C nats are
-        merged even if there is room. 0 merges none.
+        measurements: for each sensor (r, rdot), (measurement, 2): all returns in the gates of all components.
+        pd: detection probabilities, (sensor, target), in (0, 1).
+        noise: measurement covariances, (sensor, target, 2, 2).
+        sensors: positions, (sensor, 2), in m.
+        clutter_density: false returns per m x m/s, > 0.
+        gate: radius of each component's gate in standard deviations; inf: no gates.
+        gate_probability: probability that a detected target's return lies in its component's gate.
+        negligible: limit of merging. A hypothesis with a weight below ``negligible`` / C is merged into its parent's.
+            Components whose merge costs at most ``negligible`` / C nats are merged even if there is room. 0 merges
+            none.
 
     Returns:
         See ``MixtureUpdate``.

@@ -83,10 +83,12 @@ class Runs(NamedTuple):
 class Study:
     """All that was played.
 
-    Attributes: seed: of all worlds. runs: the runs of each policy, by case; axis 0 is the same world in all cases.
-    fixed: for each case with a best constant: its index and its waveforms, one for each sensor. converged: the runs of
-    the library's one-step scheduler in clutter, by number of particles, on the first worlds; empty without a particle
-    filter.
+    Attributes:
+        seed: of all worlds.
+        runs: the runs of each policy, by case; axis 0 is the same world in all cases.
+        fixed: for each case with a best constant: its index and its waveforms, one for each sensor.
+        converged: the runs of the library's one-step scheduler in clutter, by number of particles, on the first worlds;
+            empty without a particle filter.
     """
 
     seed: int
@@ -116,10 +118,12 @@ def play(
     """Play every policy on the same worlds, in clutter and without; the result does not depend on ``jobs``.
 
     Args:
-        runs: Monte Carlo runs; the paper has 500. seed: of the worlds and of the tuning worlds. jobs: processes; -1 =
-        one for each core. store: folder for partial results; the same call continues from them after an interruption.
-        tracker: "jpda", "particle" or "both". tuning: number of worlds on which the best constant is found; they are
-        not played afterwards.
+        runs: Monte Carlo runs; the paper has 500.
+        seed: of the worlds and of the tuning worlds.
+        jobs: processes; -1 = one for each core.
+        store: folder for partial results; the same call continues from them after an interruption.
+        tracker: "jpda", "particle" or "both".
+        tuning: number of worlds on which the best constant is found; they are not played afterwards.
 
     Raises:
         InputError: an unknown tracker, or a number out of range.

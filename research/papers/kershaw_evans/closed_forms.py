@@ -39,12 +39,14 @@ def surface(loop: KershawEvans, P: Array, eta: float) -> Surface:
 def closed_forms(study: Study, scene: str) -> dict[str, Any]:
     """How the closed forms compare with the grid.
 
-    Keys; the first four are {mean, ci} of numbers that do not depend on chance: det_spread: greatest det R of the
-    library divided by the least, minus 1. trace_excess, gate_excess: objective at the closed form divided by the least
-    of the grid, minus 1; the greatest of all beliefs. Negative if the closed form is always better than the grid.
-    proportion: the greatest relative difference of R / sqrt(det R) and H P H' / sqrt(det H P H') at the steps with the
-    gate's optimum inside the box; None if there is no such step. interior: share of all steps with the gate's optimum
-    inside the box. trace_interior: share of all steps at which the trace's optimum has a duration inside the box.
+    Keys; the first four are {mean, ci} of numbers that do not depend on chance:
+        det_spread: greatest det R of the library divided by the least, minus 1.
+        trace_excess, gate_excess: objective at the closed form divided by the least of the grid, minus 1; the greatest
+        of all beliefs. Negative if the closed form is always better than the grid.
+        proportion: the greatest relative difference of R / sqrt(det R) and H P H' / sqrt(det H P H') at the steps with
+        the gate's optimum inside the box; None if there is no such step.
+        interior: share of all steps with the gate's optimum inside the box.
+        trace_interior: share of all steps at which the trace's optimum has a duration inside the box.
     """
     loop = system(Case(scene, DRAWN, TRACE))
     of_library = np.linalg.det(loop.action_set.covariances)

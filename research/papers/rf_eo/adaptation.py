@@ -49,12 +49,14 @@ def adaptation(runs: Runs, loop: RfEo, marks: list[int], seed: int) -> dict[str,
     """How settings follow the targets.
 
     Keys:
-        marks: steps. angle: for each platform its quantiles over runs (10, 50 and 90 %) at these steps, rad. factor:
-        for each platform the greatest divided by the smallest pixel angle of a run, a geometric mean. factor_late: the
-        same over the last half. finest: share of runs in which platform 2 has the smaller pixel angle over the last
-        half (geometric mean). second_over_first: its pixel angle divided by that of platform 1, both geometric means
-        over the last half. narrower: the share of steps at which the platform with the finer pixels sees the targets
-        closer to its look direction; of the steps in the last half at which the pixel angles differ.
+        marks: steps.
+        angle: for each platform its quantiles over runs (10, 50 and 90 %) at these steps, rad.
+        factor: for each platform the greatest divided by the smallest pixel angle of a run, a geometric mean.
+        factor_late: the same over the last half.
+        finest: share of runs in which platform 2 has the smaller pixel angle over the last half (geometric mean).
+        second_over_first: its pixel angle divided by that of platform 1, both geometric means over the last half.
+        narrower: of the steps in the last half with different pixel angles, the share at which the platform with the
+        finer pixels sees the targets closer to its look direction.
     """
     half, angle = runs.settings.shape[1] // 2, runs.settings[..., ANGLE]
     late = np.exp(np.log(angle[:, half:]).mean(axis=1))

@@ -108,10 +108,12 @@ def play(
     """Play every policy on the same worlds; only the decision times depend on ``jobs``.
 
     Args:
-        runs: Monte Carlo runs of each policy. seed: of the worlds and of the tuning worlds. jobs: processes; -1 = one
-        for each core. store: folder for partial results; the same call continues from them after an interruption.
-        tuning: number of worlds on which constants and cycles are tuned; they are not played afterwards. horizon: steps
-        of each run; 0 for the horizon of the scene.
+        runs: Monte Carlo runs of each policy.
+        seed: of the worlds and of the tuning worlds.
+        jobs: processes; -1 = one for each core.
+        store: folder for partial results; the same call continues from them after an interruption.
+        tuning: number of worlds on which constants and cycles are tuned; they are not played afterwards.
+        horizon: steps of each run; 0 for the horizon of the scene.
 
     Raises:
         InputError: a number out of range.

@@ -45,10 +45,11 @@ def models(mu: Array, loop: Urban, seed: int) -> list[list[dict[str, Any]]]:
     """The model probabilities of each target in each phase, from braking on.
 
     Keys:
-        phase, first, last: scans from ``GRACE`` after the change. expected: the model of the true motion. mean: by
-        model {mean, ci}, over these scans and the runs that hold the target. least: {mean, ci, scan}, where the
-        expected model's mean over runs is least. known_from: the first scan after which the mean stays above ``LIMIT``
-        until the phase ends; None if there is none.
+        phase, first, last: scans from ``GRACE`` after the change. expected: the model of the true motion.
+        mean: by model {mean, ci}, over these scans and the runs that hold the target.
+        least: {mean, ci, scan}, where the expected model's mean over runs is least.
+        known_from: the first scan after which the mean stays above ``LIMIT`` until the phase ends; None if there is
+        none.
     """
     return [
         [_phase(mu[:, :, target], phase, seed) for phase in phases(loop, target) if phase.name in EXPECTED]

@@ -73,9 +73,11 @@ class CostOfDelay(Heuristic):
     comes first. A target that loses nothing by a delay waits.
 
     Args:
-        alpha: weight of the gain of the same pulse ``later`` steps later. later: steps of the postponement. ahead:
-        steps over which the gain of a pulse is summed. power: exponent of the steps that a candidate takes. bonus:
-        factor for the present set-up, minus 1.
+        alpha: weight of the gain of the same pulse ``later`` steps later.
+        later: steps of the postponement.
+        ahead: steps over which the gain of a pulse is summed.
+        power: exponent of the steps that a candidate takes.
+        bonus: factor for the present set-up, minus 1.
 
     Raises:
         InputError: a constant that is negative or not finite, or fewer than one step.
