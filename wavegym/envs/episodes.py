@@ -28,7 +28,7 @@ Info = dict[str, Array]  # state info or transition info, each value (env, ...)
 
 
 class Begun(NamedTuple):
-    """What new episodes begin with."""
+    """The beginning of new episodes."""
 
     state: State
     memory: Any  # the reward's
@@ -58,15 +58,15 @@ class After(NamedTuple):
 
 
 class Episodes:
-    """``num_envs`` episodes side by side, each with its own generator of worlds.
+    """``num_envs`` parallel episodes, each with its own generator of worlds.
 
     Args:
         system: the closed loop.
         num_envs: number of episodes.
         reward: scores each step.
         forecasts: whether observations also hold forecasts of each candidate.
-        measurements: whether a step also returns what the sensors reported.
-        observation: "belief", or "measurements" for what the sensors reported alone.
+        measurements: whether a step also returns the measurements of the sensors.
+        observation: "belief", or "measurements" for the measurements of the sensors alone.
         num_threads: number of threads in which the episodes advance.
 
     Raises:
@@ -129,7 +129,7 @@ class Episodes:
         return Begun(self.system.initial(world), self.reward.begin(self.system, world))
 
     def generator(self, row: int) -> np.random.Generator:
-        """The generator of one environment's worlds, seeded at random where no seed was given."""
+        """The generator of one environment's worlds; without a seed it is seeded at random."""
         generator = self.generators[row]
         if generator is None:
             generator, self.seeds[row] = seeding.np_random()
@@ -164,8 +164,8 @@ class Episodes:
     def _observed(self, state: State, received: Array | None) -> tuple[Array, Info]:
         """``observe`` of a state.
 
-        Costs and key figures reach info uncopied, so a system must return fresh arrays, not views of its state
-        (``check_vector_env`` finds systems that do not).
+        Costs and key figures are not copied into info, so a system must return fresh arrays, not views of its state
+        (``check_vector_env`` finds systems that return views).
         """
         observation, saturated = self.observer(state.belief if received is None else received)
         cost = self.system.cost(state.belief)
@@ -213,7 +213,7 @@ def _replaced(old: Array | None, rows: Array, new: Array) -> Array:
 
 
 def make_observer(system: System, observation: str, forecasts: bool = False) -> Observer | MeasurementObserver:
-    """What makes the observations of an environment.
+    """The object that makes the observations of an environment.
 
     Args:
         system: the closed loop.

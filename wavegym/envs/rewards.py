@@ -1,7 +1,7 @@
 """Rewards of environments, by name or as an object: minus the cost by default, others for training.
 
-The reported cost (``info["cost"]``) is that of the system, whatever the reward. A reward keeps no state of its own:
-``begin`` makes its memory of a world, and the environment keeps that memory and hands it back at every step.
+The reported cost (``info["cost"]``) is that of the system, for every reward. A reward keeps no state: ``begin`` makes
+its memory of a world, and the environment keeps this memory and passes it to the reward at every step.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Reward(Protocol):
 
 
 class Cost:
-    """Minus the cost of the system, exactly: -trace(Lambda P) where no track can be lost."""
+    """Minus the cost of the system, exactly: -trace(Lambda P) if no track can be lost."""
 
     def begin(self, system: System, world: Any) -> None:
         """Nothing to remember."""
@@ -165,7 +165,7 @@ class Relative:
     """Gain over a reference policy on the same world and draws, step by step.
 
     The reference plays its own trajectory. A one-step regret from the agent's state would make the myopic choice
-    optimal by construction. After the end of the reference's episode its last cost stands.
+    optimal by construction. After the end of the reference's episode its last cost counts.
 
     Args:
         reference: the policy to compare with, or the name of a heuristic whose constants are recorded for the system,
@@ -192,8 +192,8 @@ class Relative:
         Nothing is tuned here: agents trained on differently tuned rewards could not be compared.
 
         Raises:
-            InputError: a heuristic without recorded constants; or steps that differ in length, after which agent and
-                reference are no longer at the same time.
+            InputError: a heuristic without recorded constants; or steps of different length, after which the times of
+                agent and reference differ.
         """
         reference = self.reference
         if isinstance(system, UnequalSteps):

@@ -271,7 +271,7 @@ class WaveformVectorEnv(VectorEnv):
 def make_vector_env(
     system: System | type[System] | str, num_envs: int = 1, *, registered: Mapping[str, Any] | None = None, **given: Any
 ) -> WaveformVectorEnv:
-    """What ``gym.make_vec`` calls: a vector environment; see ``wavegym.envs.single.make_env``."""
+    """A vector environment; called by ``gym.make_vec``. See ``wavegym.envs.single.make_env``."""
     return WaveformVectorEnv(system, num_envs, **with_scenario(system, registered or {}, given))
 
 

@@ -24,7 +24,7 @@ class Played(NamedTuple):
 
     cost: Array  # (world, H) after each step; NaN past an episode's end
     steps: Array  # (world,) int, length of the episode
-    span: Array  # (world,) what means are over: steps, or seconds where steps differ in length
+    span: Array  # (world,) the divisor of means: steps, or seconds if steps differ in length
     rmse: Array  # (world,) root mean square position error over steps and the targets present, m
     target_rmse: Array  # (world, target) the same of each target, over the steps at which it was present
     believed_rmse: Array  # (world,) what the tracker believes rmse to be, from ``position_variance``, m
@@ -152,7 +152,7 @@ def play(
 
 
 def _outside_training(policy: Policy, running: Array) -> Array:
-    """1 where a running world's observation is outside the policy's training, (world,); NaN where nobody knows."""
+    """1 if a running world's observation is outside the policy's training, (world,); NaN if this is unknown."""
     left = policy.is_outside_training() if isinstance(policy, Trained) else None
     return np.full(len(running), np.nan) if left is None else 1.0 * (left & running)
 

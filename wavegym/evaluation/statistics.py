@@ -130,7 +130,7 @@ def _estimate(statistic: Statistic, shape: tuple[int, ...], rng: np.random.Gener
 
 def _interval(statistic: Statistic, members: Array, worlds: Array, rng: np.random.Generator) -> Interval | None:
     """BCa interval, resampling worlds, and members where there are several; percentiles where BCa is undefined."""
-    from scipy.stats import bootstrap  # half a second that a worker process or a training run need not spend
+    from scipy.stats import bootstrap  # half a second, which worker processes and training runs do not need
 
     def of_worlds(worlds: Array, axis: int = -1) -> Array:
         return statistic(members, worlds)

@@ -90,7 +90,7 @@ class Submission:
 
 
 class Bound(NamedTuple):
-    """A play that no policy of the environment can be cheaper than, in the same world."""
+    """A way to play that costs at most as much as any policy of the environment, in the same world."""
 
     policy: str
     lifted: dict[str, Any]  # parameters that lift a limit
@@ -244,7 +244,7 @@ def _play(env_id: str, name: str, entry: Entry, common: dict[str, Any], progress
 
 
 def lower_bound(env_id: str, **common: Any) -> Array | None:
-    """Mean cost per step, (world,), below which no policy is expected; None where no bound is known.
+    """Lower bound of the mean cost per step, (world,); None if no bound is known.
 
     In KershawEvans and KershawEvansPosition it is the clairvoyant optimum, certified to a thousandth. In EnergyBudget
     and EnergyBudgetKnown the account never runs out: no policy can do better on average, but one may in a single world,

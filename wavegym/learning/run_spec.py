@@ -1,4 +1,4 @@
-"""The specification of a training run, written into its folder first: --resume continues no other run there."""
+"""The specification of a training run, written into its folder first, so that --resume continues no other run."""
 
 from __future__ import annotations
 

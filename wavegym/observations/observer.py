@@ -1,4 +1,4 @@
-"""The observation of agents: the system's scaled fields, with forecasts on request; or what sensors reported."""
+"""The observation of agents: the system's scaled fields, with forecasts on request; or the measurements."""
 
 from __future__ import annotations
 

@@ -219,9 +219,9 @@ class OnnxPolicy:
     """A deterministic policy in an ONNX file, as ``wavegym export`` writes it.
 
     The input ``observation`` is float32 (batch, elements): the environment's observation; or this and the forecasts of
-    each candidate, as with ``forecasts=True``; or the forecasts alone. The number of elements tells which. The input
-    ``mask``, bool (batch, alternatives), may be absent. The output ``action`` is int64 (batch,) or (batch, sensors),
-    or float32 (batch, parameters) for a box.
+    each candidate, as with ``forecasts=True``; or the forecasts alone. The number of elements distinguishes the three.
+    The input ``mask``, bool (batch, alternatives), may be absent. The output ``action`` is int64 (batch,) or (batch,
+    sensors), or float32 (batch, parameters) for a box.
 
     Args:
         file: the ONNX file.

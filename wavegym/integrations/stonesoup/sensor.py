@@ -49,7 +49,7 @@ class ChangeWaveform(Action):
     """Transmit the waveform ``target_value``."""
 
     def act(self, current_time: Any, timestamp: Any, init_value: int, **kwargs: Any) -> int:
-        """The index of the waveform, at once."""
+        """The index of the waveform, without delay."""
         index: int = self.target_value
         return index
 
