@@ -8,7 +8,7 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 p
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export OMP_NUM_THREADS ?= 1
-# Tests start many processes. Without bytecode on disk each of them compiles the sources again, which takes a second.
+# Tests start many processes. Without bytecode on disk each process compiles the sources again, which takes a second.
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo check test test-release lint test-oldest test-learners site docs tutorial animations results leaderboard league papers headroom \
@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 $(READY): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "wavegym needs Python >= 3.11, none found on the PATH" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	@# torch by itself first: with its exact version there, no other package asks for a newer build.
+	@# torch first: if its exact version is installed, no other package asks for a newer build.
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt torch
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[agents,tune,dev,docs]"
 	touch $@
@@ -25,17 +25,17 @@ $(READY): pyproject.toml constraints.txt
 demo: $(READY)
 	$(BIN)/python -m agents.demo --out $(OUT)/demo
 
-# Kernels are compiled first: two processes of pytest would both compile those that their first tests need.
+# Kernels are compiled first; otherwise both processes of pytest would compile the same kernels.
 check: $(READY) lint
 	$(BIN)/wavegym warm-up > /dev/null
-	@# Twice the second above which a test needs a mark: some machines are slow.
+	@# A test above one second needs a mark. The limit here is two, because some machines are slow.
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow and not release" --hypothesis-profile check --unmarked-seconds 2
 
 test: $(READY) lint site
 	$(BIN)/wavegym warm-up
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not release"
 
-# What no commit can break alone, or what takes hours: before a release.
+# Before a release: tests that depend on other packages' versions, or that take hours.
 test-release: test test-oldest test-learners papers promises
 	$(BIN)/python -m pytest -m release
 
@@ -44,7 +44,7 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# The oldest versions supported, in an environment of its own, and RLlib, which pins Gymnasium.
+# The oldest supported versions, in a separate environment, and RLlib, which pins Gymnasium.
 test-oldest: $(VENV)-oldest/.ready
 	$(VENV)-oldest/bin/wavegym warm-up
 	$(VENV)-oldest/bin/python -m pytest -n 2 --dist worksteal tests/core tests/envs tests/testing tests/systems/rf_eo/test_rf_eo.py \
@@ -58,8 +58,8 @@ $(VENV)-oldest/.ready: pyproject.toml constraints-oldest.txt
 		--editable ".[agents,tune,onnx,pettingzoo,window,stonesoup,ray]" pytest pytest-xdist hypothesis networkx
 	touch $@
 
-# The examples of examples/learners with TorchRL, skrl and RL Zoo, in an environment of its own: RL Zoo needs an older
-# python-dateutil than the other tests have.
+# The examples with TorchRL, skrl and RL Zoo, in a separate environment: RL Zoo needs an older python-dateutil than the
+# other tests.
 test-learners: $(VENV)-learners/.ready
 	$(VENV)-learners/bin/python -m pytest tests/test_learners.py
 
@@ -71,7 +71,7 @@ $(VENV)-learners/.ready: pyproject.toml constraints.txt
 		--editable ".[agents,tune,dev]" "torchrl>=0.14" "skrl>=2.1" "rl_zoo3>=2.9"
 	touch $@
 
-# The documentation in site/; `docs` renews the environments' pages from the code first.
+# The documentation in site/; `make docs` first renews the environments' pages from the code.
 site: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
@@ -79,7 +79,7 @@ docs: $(READY)
 	$(BIN)/python -m research.pages
 	$(MAKE) site
 
-# Run the notebook of the tutorial and keep what it prints.
+# Run the notebook of the tutorial and keep its output.
 tutorial: $(READY)
 	mkdir -p $(OUT)/tutorial
 	cp docs/tutorial.ipynb $(OUT)/tutorial/
@@ -91,17 +91,17 @@ tutorial: $(READY)
 animations: $(READY)
 	$(BIN)/python -m agents.animations $(IDS)
 
-# Train what is missing and rebuild every table under results/; EXPERIMENTS="SectorSetup" for one of them.
+# Train missing agents and rebuild every table under results/; EXPERIMENTS="SectorSetup" for one of them.
 results: $(READY)
 	$(BIN)/python -m agents.experiment $(EXPERIMENTS)
 
-# Play the saved agents on the worlds of `make headroom`, and renew the tables in which both meet.
+# Play the saved agents on the worlds of `make headroom`, and renew the tables of both.
 leaderboard: $(READY)
 	$(BIN)/python -m agents.experiment --train RfEoFar  # two seeds are not kept in the repository
 	$(BIN)/python -m agents.leaderboard
 
-# Rebuild the papers' figures, agile_clutter with the fast tracker; PAGE=1: with the runs of the docs, and renew their pages.
-# PAPERS="kershaw_evans" for one of them.
+# Rebuild the papers' figures, agile_clutter with the fast tracker. PAGE=1 plays as many runs as the docs and renews their
+# pages. PAPERS="kershaw_evans" for one of them.
 PAPERS ?= agile_clutter kershaw_evans rf_eo urban
 PAPER_OPTIONS_agile_clutter = --runs 500 --tracker both
 PAPER_OPTIONS_urban = --runs 500
@@ -118,8 +118,9 @@ ifdef PAGE
 	$(BIN)/python -m research.papers.page results/$*/summary.json docs/papers/$*.md
 endif
 
-# Everything about some environments: trains missing agents, plays ladders, agents, quick planners, stages of learning and
-# changed environments, and renews the tables; NAMES="KershawEvansPosition SectorSetup", all with shifts in results/experiments.toml without it.
+# All results of some environments: train missing agents, play ladders, agents, quick planners, stages of learning and
+# changed environments, and renew the tables. NAMES="KershawEvansPosition SectorSetup"; by default all environments with
+# shifts in results/experiments.toml.
 NAMES ?= $(shell sed -n 's/^\[\(.*\)\.shifts\]$$/\1/p' results/experiments.toml)
 league: $(READY)
 	$(BIN)/python -m agents.experiment --train $(NAMES)
@@ -130,7 +131,7 @@ league: $(READY)
 	$(BIN)/python -m agents.stages $(NAMES)
 	$(BIN)/python -m agents.distribution_shift $(NAMES)
 
-# How much is there to gain: play every environment's ladder and renew its page; IDS="CameraSlew-v0" for one of them.
+# Gain of planning: play every environment's ladder and renew the page; IDS="CameraSlew-v0" for one of them.
 headroom: $(READY)
 	$(BIN)/python -m wavegym.evaluation.headroom $(IDS) --out results/headroom
 	$(BIN)/python -m agents.headroom_page results/headroom docs/headroom.md results/baselines
@@ -140,7 +141,7 @@ benchmarks: $(READY)
 	$(BIN)/python -m research.benchmarks.steps
 	$(BIN)/python -m research.benchmarks.startup
 
-# Files changed at random, commands killed at random, intervals simulated, and planted defects: half an hour.
+# Random changes of files, killed commands, simulated intervals and planted defects: half an hour.
 promises: $(READY)
 	$(BIN)/python -m research.promises.fuzz
 	$(BIN)/python -m research.promises.faults

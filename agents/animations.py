@@ -1,6 +1,6 @@
 """An episode of each environment as an animated picture: ``python -m agents.animations [ENVIRONMENT ...]``.
 
-PPO plays, the first training seed; where there is no saved agent, the best heuristic. The pictures go to
+PPO plays (first training seed), or the best heuristic if there is no saved agent. The pictures are written to
 docs/images, and the pages of the environments show them.
 """
 
@@ -28,7 +28,7 @@ SEED = 0
 
 
 def frames(env_id: str) -> list[Image.Image]:
-    """At most ``FRAMES`` + 1 pictures of one episode, the last one included."""
+    """At most ``FRAMES`` + 1 pictures of one episode, with the last one."""
     every = -(-sum(1 for _ in _episode(env_id)) // FRAMES)
     found = []
     for step, (env, is_over) in enumerate(_episode(env_id), 1):

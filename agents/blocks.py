@@ -1,4 +1,4 @@
-"""Pages with a part, between two marker lines, that is generated from results; what several such parts share."""
+"""Generated parts of pages, between two marker lines, and functions that several such parts share."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def renewed(page: str, start: str, end: str, text: str) -> str:
 
 
 def renew(file: Path, start: str, end: str, text: str) -> None:
-    """Put ``text`` between the markers of a page that lies in ``file``; see ``renewed``."""
+    """Put ``text`` between the markers of the page in ``file``; see ``renewed``."""
     page = renewed(file.read_text(encoding="utf-8"), start, end, text)
     write_whole(file.parent, {file.name: page.encode()})
 
@@ -41,7 +41,7 @@ def both(belief: str, truth: str) -> str:
 
 
 def order_list(reversals: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
-    """``order_sentence`` for several comparisons by name; those without such a pair are not listed."""
+    """``order_sentence`` for several comparisons by name; comparisons without such a pair are not listed."""
     told = {name: order_sentence(pairs) for name, pairs in reversals.items()}
     none = order_sentence([])
     return "\n".join(f"- {name}: {sentence}" for name, sentence in told.items() if sentence != none) or none

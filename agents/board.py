@@ -1,8 +1,8 @@
 """The board of a release: ``python -m agents.board``.
 
-Each release of the suite has a seed of its own, which ``--release`` draws: nobody could train or tune on its worlds.
-``--play`` plays the suite's own agents as submissions; those of others are played with ``wavegym submit FOLDER --seed
-SEED --out results/board/RELEASE``. All records of the latest release make the tables and the picture of docs/board.md.
+Each release of the suite has its own seed, drawn with ``--release``, so that nobody could train or tune on its worlds.
+``--play`` plays the suite's own agents as submissions. Other agents are played with ``wavegym submit FOLDER --seed SEED
+--out results/board/RELEASE``. The tables and the picture of docs/board.md show all records of the latest release.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ FARTHEST = 50.0  # per cent, of the picture
 
 
 def release() -> None:
-    """Draw the seed of this version. Raises an InputError if it has one: then its worlds are known."""
+    """Draw the seed of this version. Raises an InputError if it has one already, because then its worlds are known."""
     folder = FOLDER / VERSION
     if (folder / RELEASE).exists():
         raise InputError(f"{folder} has a seed already, expected a new version of the package")
@@ -67,7 +67,7 @@ def latest() -> tuple[Path, dict[str, Any]]:
 
 
 def own(algo: str) -> Submission:
-    """The first training seed of the suite's agents of one algorithm, where the board admits their actions."""
+    """The first training seed of the suite's agents of one algorithm, if the board admits their actions."""
     entries = {}
     for env_id in suite():
         folder = saved(env_id).get(algo)
@@ -111,7 +111,7 @@ def scores(records: Sequence[Record]) -> str:
 
 
 def picture(records: Sequence[Record]) -> bytes:
-    """Performance profiles as PNG: the share of worlds that cost at most so much more than under best-simple."""
+    """Performance profiles as PNG: the share of worlds whose cost is at most a percentage above that of best-simple."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

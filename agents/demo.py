@@ -1,11 +1,11 @@
 """Train PPO to schedule waveforms, then compare it with the analytic schedulers; takes about a minute.
 
-The training is shorter than that of the agent that comes with wavegym, and in the environment's defaults alone.
+The training is shorter than that of the agent in wavegym, and uses only the environment's defaults.
 
     python -m agents.demo --out out/demo
 
-The trained run goes to DIR/ppo, the comparison to DIR/summary.json, episodes.csv, table.md and comparison.png. No file
-is overwritten: if DIR is not empty, the results go to DIR-2, then DIR-3, ...
+The trained run is written to DIR/ppo, the comparison to DIR/summary.json, episodes.csv, table.md and comparison.png. No
+file is overwritten: if DIR is not empty, the results are written to DIR-2, then DIR-3, ...
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def parser() -> Parser:
 
 
 def unused(folder: Path) -> Path:
-    """``folder`` if it is new or empty, else the first of folder-2, folder-3, ... that is."""
+    """``folder`` if it is new or empty, else the first of folder-2, folder-3, ... that is new or empty."""
     names = (folder if n == 1 else folder.with_name(f"{folder.name}-{n}") for n in count(1))
     return next(path for path in names if not path.exists() or (path.is_dir() and not any(path.iterdir())))
 

@@ -1,11 +1,12 @@
 """Policies under distribution shift: ``python -m agents.distribution_shift [ENVIRONMENT ...]``.
 
-``results/experiments.toml`` lists the changed parameters. Agents and tuned constants stay those of the
-original parameters. Each shift is played twice: the tracker, and therefore prediction, knows the new parameters; and,
-where the truth may differ in all of them, the tracker does not. There the best planner plays too, on the first
-``PLANNED`` of the worlds. Results go to results/distribution_shift, their tables to docs/learned.md. ``--agents`` does
-not play the planner, whose figures stay; ``--outside`` only counts, in a few worlds, how often the observations of the
-agents are outside the range of their training; ``--tables`` renews the tables without playing.
+``results/experiments.toml`` lists the changed parameters. Agents and tuned constants are those of the original
+parameters. Each shift is played twice. First the tracker, and so prediction, has the new parameters. Then only the
+world has them, if the truth may differ in all of them; here the best planner plays too, in the first ``PLANNED``
+worlds. Results are written to results/distribution_shift, their tables to docs/learned.md.
+
+``--agents`` does not play the planner and keeps its figures. ``--outside`` only counts, in a few worlds, how often the
+observations of the agents are outside the range of their training. ``--tables`` renews the tables without playing.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ START, END = "<!-- made by `python -m agents.distribution_shift`: -->", "<!-- sh
 WORLDS = 200
 COUNTED = 50  # worlds of ``--outside``
 PLANNED = 32  # worlds of the planner, which takes most of the time
-KNOWN, UNKNOWN = "known", "unknown"  # to the tracker
+KNOWN, UNKNOWN = "known", "unknown"  # known or unknown to the tracker
 
 
 def load_shifts() -> dict[str, dict[str, dict[str, Any]]]:
@@ -60,9 +61,9 @@ def load_shifts() -> dict[str, dict[str, dict[str, Any]]]:
 def play(
     name: str, shifts: dict[str, dict[str, Any]], jobs: int, before: dict[str, Any] | None = None
 ) -> dict[str, Any]:
-    """The figures of every shift where the tracker knows it (``known``) and where it does not (``unknown``).
+    """The figures of every shift, with a tracker that knows it (``known``) and one that does not (``unknown``).
 
-    With figures ``before``, of the same best heuristic, the planner keeps its own and is not played.
+    If ``before`` has figures with the same best heuristic, the planner is not played and keeps its figures.
     """
     env_id = full_id(f"{name}-v0")
     original = make_task(env_id, {}).system
@@ -113,7 +114,7 @@ def halves(system: System, parameters: dict[str, Any]) -> dict[str, dict[str, An
 def _figures(
     env_id: str, policies: dict[str, Any], planner: Policy | None, changes: dict[str, Any], jobs: int
 ) -> dict[str, Any]:
-    """Each policy, with its own actions, the one-step scheduler and perhaps a planner in the changed environment."""
+    """Each policy (with its own actions), the one-step scheduler and perhaps a planner in the changed environment."""
     by_policy: dict[str, EpisodeResults] = {}
     for name, (own, policy) in policies.items():
         comparison = compare(env_id, {name: policy}, worlds=WORLDS, jobs=jobs, keep=FOLDER, **own, **changes)
@@ -152,7 +153,7 @@ def tables(results: dict[str, dict[str, Any]]) -> str:
 def _table(results: dict[str, dict[str, Any]], half: str, by: str) -> str:
     """Every policy against the best heuristic.
 
-    Beside the costs: how often observations are outside the agents' training; beside the errors: NEES and lost tracks.
+    The costs come with the share of observations outside the agents' training; the errors with NEES and lost tracks.
     """
     compared = (*((PLANNER,) if half == UNKNOWN else ()), *AGENTS)
     head = ["environment", "shift", "myopic"]
@@ -204,7 +205,7 @@ def renew(names: Sequence[str]) -> None:
 
 
 def _read(file: Path) -> dict[str, Any]:
-    """The figures in a file. Raises an InputError for a file of an earlier version, which has one half only."""
+    """The figures in a file. Raises an InputError for a file of an earlier version, which has only one half."""
     found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
     if not all(KNOWN in shift for shift in found.values()):
         wanted = f"it from `python -m agents.distribution_shift {file.stem}`"

@@ -2,20 +2,21 @@
 
 No scheduler and no tracker has a smaller expected squared GOSPA distance, if
 
-- it knows where each target is, when it manoeuvres, and, at its arrival, its velocity to ``VELOCITY`` on each axis;
-- updates point at the target, and neither they nor searches raise false alarms;
-- it divides its time as it likes: u_i(t) is the expected share of time on target i, v_s(t) that on sector s, and only
-  the expectation of their sum over all worlds has to stay below 1. Of the dwells the best one for each purpose counts.
+- it knows where each target is, when it manoeuvres, and its velocity on arrival, to ``VELOCITY`` on each axis;
+- updates point at the target, and neither updates nor searches cause false alarms;
+- it divides its time freely: u_i(t) is the expected share of time on target i, v_s(t) that on sector s. Only the
+  expectation of their sum over all worlds must be at most 1. For each purpose the best dwell counts.
 
-Then the expected information of a track, E[Lambda], is at most what the recursion makes of the expected information
-of the echoes, because predict(Lambda) is concave; the probability d of having been found is
-1 - exp(-integral of v times a rate), because survival is convex in v; and the cost of a target is at least
+Then the expected information of a track, E[Lambda], is at most the result of the recursion with the expected
+information of the echoes, because predict(Lambda) is concave. The probability d that a target has been found is at most
+1 - exp(-integral of v times a rate), because survival is convex in v. The cost of a target is at least
 
     (1 - d) c0 + d psi(y / d),   y = 1 / tr(position part of Lambda^-1),
 
 where psi is the convex envelope of min(E min(|error|^2, 2 c0), c0) for a Gaussian error of trace 1 / y along one line,
-which is the cheapest of that trace. All of this is convex in u and v together. The gradient at any division bounds what
-all others could save (the gap of Frank and Wolfe), so cost less gap is a bound however well the division is optimised.
+which has the lowest cost for this trace. The bound is jointly convex in u and v. The gradient at any division bounds
+what all others could save (the gap of Frank and Wolfe). So cost minus gap is a bound, however well the division is
+optimised.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
 CELL = 0.25  # s: a cell's information counts from the cell's beginning
 VELOCITY = 30.0  # m/s
-NOWHERE = 1e-10  # m^-2, information about the place of a target that nobody has seen
+NOWHERE = 1e-10  # m^-2, information about the place of an unseen target
 RATE, STEPS = 0.3, 100  # of the descent
 MOST = 5.0  # bound of a step over RATE
 NODES = 61  # of integrals over a beam
@@ -56,9 +57,9 @@ class Paths(NamedTuple):
 class Rates(NamedTuple):
     """What a second of time brings, (k, i) each."""
 
-    update: Array  # mean sum of 2 z of detections: over a variance at 2 z = 1 it is Fisher information
+    update: Array  # mean sum of 2 z of detections; divided by a variance at 2 z = 1 it is Fisher information
     search: Array  # the same, of a search of the target's sector
-    find: Array  # minus log of the probability of not being found, by such a search
+    find: Array  # minus the log of the probability that such a search does not find the target
     sector: Array  # int
 
 
@@ -66,12 +67,12 @@ class Bound(NamedTuple):
     """A lower bound in targets."""
 
     value: float
-    gap: float  # of the optimisation; it is taken off already
+    gap: float  # of the optimisation; it is already subtracted
     worlds: Array  # (world,) the part of each world in W times the mean
 
 
 def paths(system: MultifunctionRadar, worlds: World) -> Paths:
-    """Where the targets of all worlds are at each cell's beginning."""
+    """The places of the targets of all worlds at the beginning of each cell."""
     truth = system.initial(worlds).truth
     x, mode, here, arrival = truth.state, truth.mode, truth.here.copy(), truth.arrival
     known = here & (worlds.draw[..., 6] < system.known)
@@ -115,7 +116,7 @@ def rates(system: MultifunctionRadar, found: Paths) -> Rates:
 
 
 def _power(S: Array, threshold: float) -> Array:
-    """Mean of 2 z where z exceeds the threshold, and 0 elsewhere."""
+    """Mean of 2 z if z exceeds the threshold, counted as 0 otherwise."""
     result: Array = 2.0 * (threshold + 1.0 + S) * beams.detection(S, threshold)
     return result
 
@@ -186,8 +187,8 @@ class Relaxation:
         """Time-averaged cost of each target, in targets, (i,).
 
         Args:
-            share: expected share of time, (k, i + sectors + 1); the last is idle. That of a target is over the number
-                of worlds.
+            share: expected share of time, (k, i + sectors + 1); the last is idle. The share of a target is divided by
+                the number of worlds.
         """
         targets, sectors = self.here.shape[1], self.system.sectors
         u = (share[:, :targets] * self.count).unbind(0)
@@ -214,7 +215,7 @@ class Relaxation:
         return total / len(self.here)
 
     def solve(self, steps: int = STEPS) -> Bound:
-        """Divide the time by mirror descent, steps relative to each cell's mean gradient, and take the gap off."""
+        """Divide the time by mirror descent, with steps relative to each cell's mean gradient, and subtract the gap."""
         targets, cells = self.here.shape[1], len(self.here)
         logits = torch.zeros((cells, targets + self.system.sectors + 1), dtype=torch.float64)
         present = self.here.sum(dim=1, keepdim=True).clamp(min=1)
@@ -240,7 +241,7 @@ class Relaxation:
 
 
 def _inverse_noise(density: Array) -> Array:
-    """Inverse of what a cell of white acceleration adds to the covariance, (..., 4, 4)."""
+    """Inverse of the covariance that the white acceleration of a cell adds, (..., 4, 4)."""
     T = CELL
     block = np.array([[12.0 / T**3, -6.0 / T**2], [-6.0 / T**2, 4.0 / T]])
     inverse: Array = np.kron(np.eye(2), block) / density[..., None, None]

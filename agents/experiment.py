@@ -1,7 +1,8 @@
 """Train missing agents and rebuild the tables under results/: ``python -m agents.experiment [EXPERIMENT ...]``.
 
-``results/experiments.toml`` defines the experiments. Runs go to ``results/runs/EXPERIMENT/LEARNER/seedN``: a killed run
-is resumed, a finished run is kept. Comparisons go to ``results/EXPERIMENT``, their tables also to ``docs/results.md``.
+``results/experiments.toml`` defines the experiments. Runs are in ``results/runs/EXPERIMENT/AGENT/seedN``: a killed run
+is resumed, a finished run is kept. Comparisons are written to ``results/EXPERIMENT``, their tables also to
+``docs/results.md``.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Agent:
         algo: "ppo" or "dqn".
         settings: training settings that replace those of wavegym/learning/settings.toml, ``["gamma=0"]``.
         parameters: of the environment, in training, ``["q=1"]``.
-        seeds: training seeds; those of the experiment where none are given.
+        seeds: training seeds; if none are given, those of the experiment.
     """
 
     algo: str
@@ -58,7 +59,7 @@ class Experiment:
         seeds: training seeds.
         agents: by name.
         parameters: of the environment, in training and comparison, ``["action=joint"]``.
-        trained_in: another experiment, whose agents are compared here too.
+        trained_in: another experiment, whose agents are also compared here.
         tracks: a recording, relative to the repository.
         radar: position of the radar.
         shifts: changed parameters by name, ``{"process noise x4": ["q=4"]}``; ``agents.distribution_shift`` plays them.

@@ -45,13 +45,13 @@ Sweeps = Mapping[str, Mapping[str, Mapping[str, str]]]  # by environment: ``best
 
 
 def block(results: list[dict[str, Any]], sweeps: Sweeps | None = None) -> str:
-    """What stands between the markers: the overview, what time buys, and each environment's ladder."""
+    """The text between the markers: the overview, the best policy by decision time, and each environment's ladder."""
     bought = [_what_time_buys(sweeps)] if sweeps else []
     return "\n\n".join([overview(results), *bought, *(chapter(result) for result in results)])
 
 
 def _what_time_buys(sweeps: Sweeps) -> str:
-    """The best policy of each sweep within each time for a decision."""
+    """The best policy of each sweep within each limit on decision time."""
     rows = []
     for name, best in sweeps.items():
         within = [best.get(limit_name(limit)) for limit in LIMITS]
@@ -62,14 +62,14 @@ def _what_time_buys(sweeps: Sweeps) -> str:
 
 
 def _swept(row: Mapping[str, str]) -> str:
-    """A policy and what it costs; without a planner it is a heuristic, whose standard error is left out."""
+    """A policy and its cost. If no planner is within the limit, it is a heuristic, shown without standard error."""
     policy = "@".join(filter(None, (row["planner"], row["base"])))
     error = f" ± {float(row['standard_error_percent']):.1f}" if row["planner"] else ""
     return f"`{policy}` {signed(float(row['cost_vs_best_simple_percent']))}{error}"
 
 
 def overview(results: list[dict[str, Any]]) -> str:
-    """How much each policy costs by belief and errs by truth against the best heuristic, and the consistency."""
+    """Cost by belief and error by truth of each policy against the best heuristic, and the consistency."""
     costs_and_errors = blocks.both(_overview(results, _by_belief), _overview(results, _by_truth))
     measured = [result for result in results if result["nees_dimension"]]
     if not measured:
@@ -117,7 +117,7 @@ def _by_truth(row: dict[str, Any]) -> Estimated:
 
 
 def chapter(result: dict[str, Any]) -> str:
-    """One environment's ladder, the dearest by belief first: cost by belief, error by truth, consistency."""
+    """One environment's ladder, highest cost by belief first: cost by belief, error by truth, consistency."""
     prepared = result["tuned_constants"]
     names = {SIMPLE: prepared.get(SIMPLE), PLANNER: prepared.get(PLANNER)}
     policies = {
@@ -159,7 +159,7 @@ def _estimated(against: Estimated) -> list[str]:
 
 
 def _recovered(result: dict[str, Any]) -> str:
-    """How much of the planner's gain a plan made once has, where there is one."""
+    """The share of the planner's gain that a plan made once reaches, if there is such a plan."""
     policies = result["policies"]
     if "plan-once" not in policies or policies[PLANNER]["vs_simple_ci"][1] >= 0:
         return ""
@@ -175,12 +175,12 @@ def _short(result: dict[str, Any]) -> str:
 
 
 def renewed(page: str, results: list[dict[str, Any]], sweeps: Sweeps | None = None) -> str:
-    """The page with its block made afresh; InputError where it has none."""
+    """The page with a new block; InputError if it has none."""
     return blocks.renewed(page, START, END, block(results, sweeps))
 
 
 def _read(file: Path) -> dict[str, Any]:
-    """The figures in a file. Raises an InputError for a file of an earlier version, which has none by truth."""
+    """The figures in a file. Raises an InputError for a file of an earlier version, which has no figures by truth."""
     result: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
     if "reversals" not in result:
         raise InputError(f"{file} has no figures by truth, expected it from `make headroom IDS={file.stem}`")

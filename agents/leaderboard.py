@@ -1,9 +1,9 @@
 """Trained agents and analytic schedulers in one table: ``python -m agents.leaderboard [ID ...]``.
 
-Plays the saved agents of each environment (results/runs/ENVIRONMENT/ppo and dqn) on the worlds on which
-``make headroom`` played the schedulers. The tables of both go to docs/learned.md. results/leaderboard keeps the
-episodes. ``--times`` only repeats the timing of decisions, on an otherwise idle machine; ``--tables`` renews the
-tables without playing.
+Plays the saved agents of each environment (results/runs/ENVIRONMENT/ppo and dqn) on the worlds on which ``make
+headroom`` played the schedulers. The tables of both are in docs/learned.md, the episodes in results/leaderboard.
+``--times`` only repeats the timing of decisions, on an otherwise idle machine. ``--tables`` renews the tables without
+playing.
 """
 
 from __future__ import annotations
@@ -108,8 +108,8 @@ class Entry(NamedTuple):
     def recovered(self, name: str) -> statistics.Estimate:
         """A policy's share of the planner's gain over the best heuristic; None if that is not significant.
 
-        The gains are logarithms of the ratios of costs, so a share is as good in an environment of large gains as of
-        small ones.
+        The gains are logarithms of cost ratios, so that a share means the same in environments with large and small
+        gains.
         """
         gain = self.against(PLANNER, SIMPLE)
         if gain.value is None or gain.ci is None or gain.ci[1] >= 0.0 or gain.value > LEAST:
@@ -119,7 +119,7 @@ class Entry(NamedTuple):
 
 
 def names_played(env_id: str) -> dict[str, Any]:
-    """The record of tuned constants with which `make headroom` played; a newer record may name other best policies."""
+    """The record of tuned constants that `make headroom` used; a newer record may have other best policies."""
     file = HEADROOM / f"{env_id.rpartition('/')[2]}.json"
     if file.exists():
         return dict(json.loads(file.read_text(encoding="utf-8"))["tuned_constants"])
@@ -153,8 +153,8 @@ Comparer = Callable[[Entry, str, str], statistics.Estimate]  # of two policies b
 COMPARERS: tuple[Comparer, ...] = (Entry.against, Entry.error_against)
 PAIRS = ("PPO", "95 %", "DQN", "95 %")
 COMPARED = ("best planner", "95 %", *PAIRS)
-SAME = 0.005  # per cent; costs that differ by less are printed alike
-ALONE_STEPS = 1000  # a training with a teacher and no more steps is imitation alone
+SAME = 0.005  # per cent; costs that differ by less look equal in print
+ALONE_STEPS = 1000  # a training with a teacher and without further steps is only imitation
 
 
 def table(entries: Sequence[Entry]) -> str:
@@ -169,7 +169,7 @@ def table(entries: Sequence[Entry]) -> str:
 
 
 def scores(e: Entry) -> str:
-    """What an environment's page shows: the best policy known, and the policies against the best heuristic."""
+    """The scores on an environment's page: the best known policy, and the policies against the best heuristic."""
     shown_as = _shown_as(e)
     by_belief = {name: e.against(name, SIMPLE) for name in shown_as}
     order = sorted(by_belief, key=lambda name: by_belief[name].value or 0.0)
@@ -185,7 +185,7 @@ def scores(e: Entry) -> str:
 
 
 def _shown_as(e: Entry) -> dict[str, str]:
-    """What ``scores`` calls each policy; the one-step scheduler once, if it is the best heuristic."""
+    """The names of the policies in ``scores``; if the one-step scheduler is the best heuristic, it is listed once."""
     names = names_played(e.env_id)
     found = {name: f"`{name}`" for name in ("random", BASELINE) if name != names[SIMPLE]}
     found |= {name: f"`{names[name]}`" for name in (SIMPLE, PLANNER)}
@@ -225,13 +225,13 @@ def orders(entries: Sequence[Entry]) -> str:
 
 
 def teachers(entries: Sequence[Entry]) -> str:
-    """One line for each environment: what its agents learn from."""
+    """One line for each environment: from what its agents learn."""
     rows = [[_short(e), *(learns_from(e.env_id, algo) for algo in AGENTS)] for e in entries]
     return tabulated(["environment", "PPO learns from", "DQN learns from"], rows)
 
 
 def learns_from(env_id: str, algo: str) -> str:
-    """Its rewards, a teacher that it imitates first, or both; "" without a saved agent."""
+    """What the agent learns from: rewards, a teacher that it imitates first, or both; "" without a saved agent."""
     if algo not in saved(env_id):
         return ""
     folder = saved(env_id)[algo]
@@ -242,7 +242,7 @@ def learns_from(env_id: str, algo: str) -> str:
 
 
 def stage_of(folder: Path) -> str:
-    """What the runs in a folder learn from: rewards ("scratch"), a teacher ("imitation") or "both"."""
+    """From what the runs in a folder learn: rewards ("scratch"), a teacher ("imitation") or "both"."""
     settings = first_run(folder)["settings"]
     if not settings["teacher"]:
         return "scratch"
@@ -250,7 +250,7 @@ def stage_of(folder: Path) -> str:
 
 
 def consistency_table(entries: Sequence[Entry]) -> str:
-    """One line for each environment: the mean NEES under each policy, flagged where it leaves its bounds."""
+    """One line for each environment: the mean NEES under each policy, flagged if it is outside its bounds."""
     head = ["environment", "expected NEES", "best-simple", "95 %", "planner", "95 %", *PAIRS]
     rows = []
     for e in entries:
@@ -261,7 +261,7 @@ def consistency_table(entries: Sequence[Entry]) -> str:
 
 
 def medians(entries: Sequence[Entry]) -> str:
-    """One line for each environment: medians of the ratios of the costs, which a few worlds cannot decide."""
+    """One line for each environment: medians of the cost ratios, which do not depend on a few extreme worlds."""
     rows = []
     for e in entries:
         simple = e.by_policy[SIMPLE].cost

@@ -1,11 +1,12 @@
 """The multifunction radar against its load: ``python -m agents.loads [LOAD ...]``.
 
 For each expected number of targets every heuristic is tuned on tuning worlds of that load (``--tune``), and then all
-policies play the same test worlds. The agents are those of the registered load, without further training. Constants
-and results go to results/loads, tables and picture to docs/multifunction_radar.md. ``--planners`` plays the planners at
-one load, in short episodes: a decision takes them up to a tenth of a second. ``--shifts`` changes the radar or the
-targets at one load; constants and agents stay as they are. ``--times`` only times the decisions again, on an otherwise
-idle machine; ``--tables`` renews the page without playing.
+policies play the same test worlds. The agents are those of the registered load, without further training. Constants and
+results are written to results/loads, tables and picture to docs/multifunction_radar.md.
+
+``--planners`` plays the planners at one load, in short episodes, because a decision takes up to 0.1 s. ``--shifts``
+changes the radar or the targets at one load, with the same constants and agents. ``--times`` only times the decisions
+again, on an otherwise idle machine. ``--tables`` renews the page without playing.
 """
 
 from __future__ import annotations
@@ -47,9 +48,9 @@ TUNING, DESCENT, CMA_ES = 16, 40, 80  # worlds; policies played by coordinate de
 TUNED_SECONDS = 30.0  # length of an episode for tuning
 TIMED = 300  # decisions of one environment
 QUANTILE = 0.99  # of the chi-squared distribution
-BOUND_TARGETS = 720  # at most so many paths in one lower bound
+BOUND_TARGETS = 720  # greatest number of paths in one lower bound
 PLANNED_LOAD, PLANNED_WORLDS, PLANNED_SECONDS = 16, 12, 6.0
-PLANNERS = ((1, 2), (2, 8), (8, 16))  # futures and dwells that are tried: about 0.7, 5 and 50 ms
+PLANNERS = ((1, 2), (2, 8), (8, 16))  # futures and tried dwells: about 0.7, 5 and 50 ms
 PLANNED_DECISIONS = 50
 SHIFTED_LOAD, SHIFTED_HEURISTICS = 16, (SIMPLE, "van-keuk-blackman", BASE)
 SHIFTS: dict[str, dict[str, Any]] = {
@@ -63,7 +64,7 @@ SHIFTS: dict[str, dict[str, Any]] = {
 
 
 def tune(load: int, found: dict[str, Constants]) -> None:
-    """Add the constants of every heuristic that has none yet, on tuning worlds of this load; written as they come."""
+    """Tune every heuristic that has no constants yet, on tuning worlds of this load; each is written at once."""
     system = make_task(ENV_ID, {"targets": float(load), "seconds": TUNED_SECONDS}).system
     worlds = draw_worlds(system, world_seeds(SEED, "tune", TUNING))
     for name in (name for name in TIMELINE if name not in found):
@@ -112,7 +113,7 @@ def _agents(task: Task) -> dict[str, list[Policy]]:
 def _compared(
     task: Task, policies: Mapping[str, list[Policy]], seeds: list[int], reference: str, timed: int
 ) -> dict[str, Any]:
-    """What the members of each policy cost and do on the same worlds; their costs against a reference and the agent."""
+    """Costs and figures of each policy's members on the same worlds; costs also against a reference and the agent."""
     played, costs = dict[str, Any](), dict[str, Array]()
     for name, members in policies.items():
         watched = [_play(task, member, seeds) for member in members]
@@ -171,10 +172,10 @@ def shifts_of(load: int, constants: Mapping[str, Constants], worlds: int) -> dic
 
 
 def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[str, float]]:
-    """The record, and what only the info tells.
+    """The record, and figures from the info.
 
-    False tracks on average over time, seconds to confirm at the end, the share of NEES beyond the quantile of .99, and
-    the share of the time in searches.
+    These are the mean number of false tracks, the seconds until confirmation at the end, the share of NEES beyond the
+    0.99 quantile, and the share of time in searches.
     """
     system: Any = task.system
     false, delay, beyond, searched = [], np.zeros(len(seeds)), [], 0.0
@@ -201,12 +202,12 @@ def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[st
 
 
 def _microseconds(task: Task, members: list[Policy], timed: int) -> float:
-    """CPU time of a decision; of the members' the least."""
+    """CPU time of a decision, the least of all members."""
     return 1e6 * min(_decision_seconds(task, member, timed) for member in members)
 
 
 def _decision_seconds(task: Task, policy: Policy, timed: int) -> float:
-    """Mean CPU time of a decision of one environment, after ``TIMED`` dwells of one heuristic: there are tracks."""
+    """Mean CPU time of a decision in one environment; it has tracks after ``TIMED`` dwells of a heuristic."""
     env = WaveformVectorEnv(task.system, 1)
     observation, _ = env.reset(seed=SEED)
     policy.begin(task.system, 1, np.random.default_rng(0))

@@ -25,7 +25,7 @@ PICTURE = ROOT / "docs" / "images" / "loads.png"
 LOADS = (4, 8, 16, 32, 64)
 SIMPLE, BASE, AGENT = "gain-per-second", "searched-dwell", "ppo"
 SHOWN = (0.05, 0.1, 0.2, 0.5)  # ticks of costs for each target
-FARTHEST_SHOWN = 40.0  # per cent; the legend names the cost of what lies farther
+FARTHEST_SHOWN = 40.0  # per cent; the legend has the costs of policies beyond this
 COLOURS = {
     "random": "0.6",
     "round-robin-search": "tab:orange",
@@ -58,7 +58,7 @@ def renew(folder: Path = FOLDER) -> None:
 
 
 def agent_table(results: list[dict[str, Any]]) -> str:
-    """The agent's cost by belief against that of each policy, in per cent, at each load where that was noted."""
+    """The agent's cost by belief against that of each policy, in per cent, at each load with this figure."""
     head = ["policy", *(cell for found in results for cell in (f"{found['load']} targets", "95 %"))]
     rows = []
     for name in (name for name in results[0]["policies"] if name != AGENT):
@@ -142,7 +142,7 @@ def picture(results: list[dict[str, Any]], planned: Mapping[str, Any]) -> bytes:
 
 
 def _against_time(axes: Axes, result: Mapping[str, Any], planned: Mapping[str, Any]) -> None:
-    """Heuristics and agents, and the planners of short episodes, against the heuristic that the planners follow."""
+    """Heuristics, agents and the planners of short episodes, against the heuristic that the planners use as base."""
     shown = {name: (policy, COLOURS[name], "o") for name, policy in result["policies"].items()}
     planners = (name for name in planned.get("policies", {}) if name not in COLOURS)
     for n, name in enumerate(planners):

@@ -1,8 +1,8 @@
 """Move new agents into the package: ``python -m agents.package``.
 
-The first training seed of every (environment, algorithm) under results/runs goes to wavegym/policies/pretrained. A link
-takes its place, so each file exists once. The seed is always 0, never the best one: the package's agents are a fair
-sample of the ones in the tables.
+The first training seed of every (environment, algorithm) under results/runs is moved to wavegym/policies/pretrained. A
+link replaces it, so each file exists once. The seed is always 0, not the best one, so that the package's agents are a
+fair sample of the agents in the tables.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def move(run: Path, packaged: Path) -> None:
 
 
 def package() -> None:
-    """Move every run that is no link yet."""
+    """Move every run that is not a link yet."""
     Parser(prog="python -m agents.package", description="Move seed 0 of each new agent into the package.").read(None)
     for packaged, run in sources().items():
         if not run.is_symlink():

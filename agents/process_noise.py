@@ -1,10 +1,10 @@
 """Gain of foresight against process noise: ``python -m agents.process_noise [NAME ...]``.
 
-Plays KershawEvansPosition with a Kalman filter of several process noise densities, and with the IMM of them, in drawn
-worlds (``drawn``: the filter knows the density) and on recordings. ``aircraft`` is in the repository, seen by the
-environment's own radar at 165 to 210 km; ``--recording NAME FILE LATITUDE LONGITUDE ALTITUDE`` adds another, seen
-within 40 km by a radar of shorter range. Results go to results/process_noise,
-their tables and picture to docs/process_noise.md. ``--tables`` renews the page without playing.
+Plays KershawEvansPosition with Kalman filters of several process noise densities, and with an IMM of these densities,
+in drawn worlds (``drawn``: the filter knows the density) and on recordings. The recording ``aircraft`` is in the
+repository; the environment's own radar sees it at 165 to 210 km. ``--recording NAME FILE LATITUDE LONGITUDE ALTITUDE``
+adds another one, seen within 40 km by a radar of shorter range. Results are written to results/process_noise, their
+tables and picture to docs/process_noise.md. ``--tables`` renews the page without playing.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ SCHEDULERS = "lookahead:2", "ppo", "best-fixed"
 DRAWN = "drawn"
 WORLDS, SEED = 400, 0
 FAR = {"nearest_range": 165e3, "farthest_range": 210e3}  # m: where the environment's own targets are
-# A radar of shorter range, m; beyond the farthest range the variance of the farthest windows is most of the mean.
+# A radar of shorter range, m. Beyond ``farthest`` the variance of the farthest windows would dominate the mean.
 NEAR = {"nearest_range": 100.0, "farthest_range": 40e3, "reference_range": 50e3}
 SMOOTHING = 7.0  # s, with which the results were made
 EXPECTED_NEES = 2.0
@@ -53,7 +53,7 @@ SIZES = "targets", "windows", "worlds"
 
 
 class Recording(NamedTuple):
-    """A file of tracks, and where the radar stands."""
+    """A file of tracks, and the place of the radar."""
 
     file: Path
     radar: tuple[float, float, float]  # latitude and longitude in degrees, altitude in m
@@ -94,7 +94,7 @@ def play(recording: Recording | None, worlds: int, jobs: int) -> dict[str, Any]:
 
 
 def _trackers(drawn: bool) -> Iterator[tuple[str, float | None]]:
-    """Each tracker with the density that it assumes; in drawn worlds the IMM with the density of the world."""
+    """Each tracker with its assumed density; in drawn worlds the IMM with the density of the world."""
     yield from (("kalman", q) for q in DENSITIES)
     yield from (("imm", q) for q in (DENSITIES if drawn else (None,)))
 
@@ -146,7 +146,7 @@ def _rms(policy: Mapping[str, Any]) -> float:
 
 
 def model_against_waveform(results: Mapping[str, Any]) -> str:
-    """RMS errors on each recording: the waveform chosen for the registered density, or the density chosen."""
+    """RMS errors on each recording: with the best waveform at the registered density, or with the best density."""
     given = f"q = {REGISTERED:g}: "
     head = ["recording", f"{given}myopic", f"{given}best", "best q: myopic", "IMM: myopic", "IMM: lookahead:2"]
     rows = []
@@ -220,7 +220,7 @@ def picture(results: Mapping[str, Any]) -> bytes:
 
 
 def _draw(axes: Axes, found: Mapping[str, Any], policy: str, colour: str, value: Any) -> None:
-    """One policy, if it was played: a line over the Kalman filters' densities; the IMM dashed, level on a recording."""
+    """One policy, if it was played: a line over the Kalman filters' densities; the IMM is dashed and level."""
     if policy not in found["cases"][0]["policies"]:
         return
     for tracker, label, style in (("kalman", "Kalman filter", "o-"), ("imm", "IMM", "--")):

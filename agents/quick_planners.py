@@ -1,7 +1,7 @@
 """PPO beside the best planner that decides within 10 ms: ``python -m agents.quick_planners [ENVIRONMENT ...]``.
 
-The planner is the one of least cost on tuning worlds among those of results/baselines that take at most 10 ms of CPU
-time for a decision. It plays the worlds of `make leaderboard`. Episodes go to results/leaderboard, the table to
+The planner has the least cost on tuning worlds among those of results/baselines with at most 10 ms of CPU time for a
+decision. It plays the worlds of `make leaderboard`. Episodes are written to results/leaderboard, the table to
 docs/learned.md. ``--tables`` renews the table without playing.
 """
 
@@ -29,7 +29,7 @@ START, END = "<!-- made by `python -m agents.quick_planners`: -->", "<!-- quick 
 
 
 def quick_planner(name: str) -> Swept:
-    """The best planner within the limit; the heuristics of a sweep, which plan nothing, do not count."""
+    """The best planner within the limit; the heuristics of a sweep do not count."""
     rows = read_sweep((SWEEPS / f"{name}-v0.csv").read_text(encoding="utf-8"))
     return best_within([row for row in rows if row.setting.planner], LIMIT)
 

@@ -1,8 +1,9 @@
 """What agents learn from rewards, from a teacher, and from both: ``python -m agents.stages [ENVIRONMENT ...]``.
 
 Plays the agents ``ppo-scratch``, ``ppo-imitation`` and ``ppo-both`` of results/experiments.toml, and the same of DQN,
-on the worlds of `make leaderboard`. One of the three may be the saved agent itself, ``ppo``, whose settings say which.
-Episodes go to results/leaderboard, the tables to docs/learned.md. ``--tables`` renews the tables without playing.
+on the worlds of `make leaderboard`. The saved agent, ``ppo``, may be one of the three; its settings show which one.
+Episodes are written to results/leaderboard, the tables to docs/learned.md. ``--tables`` renews the tables without
+playing.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ STAGES = {"scratch": "from rewards alone", "imitation": "from the teacher alone"
 
 
 def agent(name: str, algo: str, stage: str) -> str | None:
-    """The agent of an environment that is this stage: one of its own, or the saved agent; None if there is none."""
+    """The agent for this stage in an environment: a separate agent or the saved one; None if there is none."""
     own = f"{algo}-{stage}"
     if (SAVED / name / own).is_dir():
         return own
@@ -35,7 +36,7 @@ def agent(name: str, algo: str, stage: str) -> str | None:
 
 
 def play(name: str, jobs: int) -> None:
-    """Play the agents of an environment that are no saved agents; the episodes go to results/leaderboard."""
+    """Play the agents of an environment that are not saved agents; writes the episodes to results/leaderboard."""
     files = {}
     for algo in AGENTS:
         for stage in STAGES:

@@ -1,9 +1,9 @@
 """One figure for a whole suite: costs of a policy against the best heuristic over many environments.
 
-All figures rest on the logarithm of the ratio of the costs in a world. An environment that a policy does not play
-counts as played by the best heuristic: who has nothing better uses that. Agarwal et al. (2021), "Deep
-reinforcement learning at the edge of the statistical precipice", give the reasons for the interquartile mean, the
-probability of improvement and the performance profile.
+All figures use the logarithm of the cost ratio in a world. If a policy does not play an environment, the best heuristic
+counts there: it is what a user would take instead. Agarwal et al. (2021), "Deep reinforcement learning at the edge of
+the statistical precipice", give the reasons for the interquartile mean, the probability of improvement and the
+performance profile.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from wavegym.evaluation.statistics import Estimate
 
 
 class SuiteScore(NamedTuple):
-    """The figures of a policy over a suite; negative per cents = cheaper than the best heuristic."""
+    """The figures of a policy over a suite; a negative percentage is cheaper than the best heuristic."""
 
     mean: Estimate  # geometric mean of the ratios over worlds and environments, per cent
     interquartile: Estimate  # the same of the middle half of all (environment, world)
-    improvement: Estimate  # probability that a world of an environment drawn at random costs less; a tie counts half
+    improvement: Estimate  # probability of a lower cost in a random world of a random environment; a tie counts half
 
 
 def suite_score(logs: Mapping[str, Array], suite: list[str], rng: np.random.Generator) -> SuiteScore:
     """The figures, with intervals over worlds.
 
     Args:
-        logs: by environment, ln(cost over the best heuristic's), (world,), of equally many worlds.
+        logs: by environment, ln(cost / cost of the best heuristic), (world,), with the same number of worlds.
         suite: all environments.
         rng: of the bootstrap.
     """
@@ -43,13 +43,13 @@ def suite_score(logs: Mapping[str, Array], suite: list[str], rng: np.random.Gene
 
 
 def over_suite(logs: Mapping[str, Array], suite: list[str]) -> Array:
-    """The logarithms of all environments, (environment, world); 0 where one is not played."""
+    """The logarithms of all environments, (environment, world); 0 for an environment that is not played."""
     worlds = len(next(iter(logs.values())))
     return np.stack([logs.get(env_id, np.zeros(worlds)) for env_id in suite])
 
 
 def profile(table: Array, percents: Array) -> Array:
-    """The share of (environment, world) whose cost is at most so many per cent above the reference, (percent,)."""
+    """The share of (environment, world) whose cost is at most each percentage above the reference, (percent,)."""
     values = np.sort(table, axis=None)
     return np.searchsorted(values, np.log1p(percents / 100.0), side="right") / values.size
 

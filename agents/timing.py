@@ -19,7 +19,7 @@ from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
 from wavegym.schedulers.tuned_constants import PLANNER
 
-BATCH = 50  # environments for which the planner decides at once, as in ``make headroom``
+BATCH = 50  # environments for which the planner decides together, as in ``make headroom``
 STEPS = 6  # of the timed episodes
 SINGLES = 100  # decisions of each agent in each of these steps
 PLANS = 3  # single decisions of the planner in each of these steps
@@ -29,9 +29,9 @@ ALONE = f"{PLANNER} alone"
 def decisions_us(system: System, agents: Mapping[str, tuple[System, Policy]], seed: int = 0) -> dict[str, float]:
     """Microseconds per decision by name; medians over the first steps of episodes.
 
-    ``PLANNER`` is the planner's time in a batch, divided by the number of environments; ``ALONE`` its time for a single
-    environment, as for the agents. All policies take turns: a machine's speed changes from second to second, and the
-    ratio counts.
+    ``PLANNER`` is the planner's time in a batch, divided by the number of environments. ``ALONE`` is its time for a
+    single environment, as for the agents. All policies take turns, because the speed of a machine changes from second
+    to second and the ratio counts.
 
     Args:
         system: the planner's system.

@@ -1,7 +1,7 @@
-"""Note what saved agents observed in their training: ``python -m agents.training_ranges``.
+"""Record the range of what saved agents observed in training: ``python -m agents.training_ranges``.
 
-For runs under results/runs that were trained before ``wavegym train`` noted it. The agents play their training
-environments, as at the end of a training.
+For runs under results/runs that were trained before ``wavegym train`` recorded this range. The agents play their
+training environments, as at the end of a training.
 """
 
 from __future__ import annotations

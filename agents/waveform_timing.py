@@ -49,7 +49,7 @@ CELL = 150.0  # m
 
 
 def definitions() -> str:
-    """How long a pulse occupies the transmitter, and how far it blinds, by definition."""
+    """Time on the transmitter and blind range of a pulse, for each definition of its length."""
     head = ["definition", "Gaussian pulse: in k", f"blind range, k = {LENGTH * 1e6:g} us", "trapezoid: in its duration",
             f"blind range, {LENGTH * 1e6:g} us"]  # fmt: skip
     rows = []
@@ -64,7 +64,7 @@ def definitions() -> str:
 
 
 def cut_pulses() -> str:
-    """Standard deviations of range and range-rate over those of the whole pulse, at one transmitted SNR."""
+    """Standard deviations of range and range-rate relative to the whole pulse, at the same transmitted SNR."""
     head = ["pulse, visible share", *(f"{share:g}" for share in SHARES)]
     rows = []
     for name, waveform in PULSES.items():
@@ -75,7 +75,7 @@ def cut_pulses() -> str:
 
 
 def _ratios(waveform: Waveform, share: float) -> FloatArray:
-    """For a begin that is cut down to this share of the energy: (range, range-rate)."""
+    """(range, range-rate) of a pulse whose beginning is cut, so that this share of the energy is left."""
     eclipsed = EclipsedPulse(waveform)
     blind = eclipsed.timing(CARRIER).blind_range
     r = brentq(lambda r: float(eclipsed.visible_share(r)) - share, 0.0, blind)

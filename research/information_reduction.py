@@ -11,11 +11,11 @@ The integral: the likelihood ratio of returns with the target to returns of clut
 Pd (a + sum e(x_i)) / (2 pi b), so with E_0 the mean over clutter alone
     q2 = Pd / (4 pi b) E_0[ |sum e(x_i) x_i|^2 / (a + sum e(x_i)) ]
        = Pd / (4 pi) int e(x)^2 |x|^2 E_0[ 1 / (a + e(x) + sum e(x_j)) ] dx:
-the angles of the x_i are independent and uniform, so that only the squares remain; Mecke's formula takes one point out
-of their sum. With 1/z = int exp(-z t) dt and the Laplace functional of the Poisson process,
+the angles of the x_i are independent and uniform, so that only the squares remain, and Mecke's formula separates one
+point from their sum. With 1/z = int exp(-z t) dt and the Laplace functional of the Poisson process,
     q2 = Pd int_0^inf exp(-a t - 2 pi b [Ein(t) - Ein(u t)]) W(t) dt,
     W(t) = 1/4 int_0^(g^2) s exp(-s - t exp(-s/2)) ds,    Ein(t) = int_0^t (1 - exp(-y)) / y dy,    u = exp(-g^2 / 2).
-The table holds this integral. The script also prints a Monte Carlo simulation of nu, which uses the definition only.
+The table contains this integral. The script also prints a Monte Carlo simulation of nu, which uses only the definition.
 """
 
 from __future__ import annotations

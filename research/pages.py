@@ -1,9 +1,9 @@
 """The pages of the suite's environments in the docs: ``python -m research.pages``.
 
-A page is what ``wavegym.describe`` says, below an animated picture (``python -m agents.animations``) and the best
-scores known (``python -m agents.leaderboard``), if there are any, and above its steps per second
-(``python -m research.benchmarks.steps``). README's table of environments, the policies in
-docs/how_to/compare_policies.md and the training settings in docs/how_to/train_with_other_libraries.md are renewed, too.
+A page has an animated picture (``python -m agents.animations``) and the best known scores (``python -m
+agents.leaderboard``), if there are any; then the text of ``wavegym.describe``; then the steps per second (``python -m
+research.benchmarks.steps``). README's table of environments, the policies in docs/how_to/compare_policies.md and the
+training settings in docs/how_to/train_with_other_libraries.md are renewed, too.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def page(env_id: str) -> str:
     parts = [title, line]
     picture = IMAGES / f"{stem(env_id)}.webp"
     if picture.exists():
-        parts.append(f"![an episode, step after step](../images/{picture.name})")
+        parts.append(f"![an episode, step by step](../images/{picture.name})")
     if (HEADROOM / f"{env_id.partition('/')[2]}{TABLE}").exists():
         parts.append(scores(entry(env_id)))
     parts.append(rest)
@@ -80,7 +80,7 @@ def front() -> str:
 
 
 def policies_table() -> str:
-    """The policies that every environment knows by name."""
+    """The policies that have a name in every environment."""
     return table(("name", "policy"), [(f"`{name}`", meaning) for name, meaning in MEANINGS.items()])
 
 

@@ -1,4 +1,4 @@
-"""Fixtures of several folders. It stands here so that every test can import the helpers beside it."""
+"""Fixtures of several folders. The file is here so that every test can import the helpers in this folder."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure() -> None:
-    """Collect garbage seldom: it takes four percent of the time, because everything about kernels is walked through."""
+    """Collect garbage rarely: it takes 4 % of the time, because it walks through all objects of the kernels."""
     gc.set_threshold(50_000)
     event.register("numba:compile", compiling)
 
@@ -55,7 +55,7 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
 
 
 def pytest_sessionfinish() -> None:
-    """Spare what is alive: pytest now collects garbage five times, which takes a minute with all kernels in memory."""
+    """Exclude living objects, as pytest now collects garbage five times: a minute with all kernels in memory."""
     gc.freeze()
 
 

@@ -55,8 +55,8 @@ class DelayBelief(NamedTuple):
 class DelaySystem(System):
     """Two targets on lines and one sensor, which takes ``setup`` steps to turn to the other target.
 
-    Whoever chooses a target for which the sensor is not set up gets a step without a pulse; after ``setup`` such steps
-    the pulse is sent, which takes energy, and detects with probability ``pd`` a target that is visible.
+    If the sensor is not set up for the chosen target, the step has no pulse. After ``setup`` such steps the pulse is
+    sent, which takes energy. It detects a visible target with probability ``pd``.
     """
 
     horizon: int = 12

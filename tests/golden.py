@@ -75,9 +75,9 @@ def record(
 
     Args:
         name: such as ``"RfEo-v0"``.
-        policies: to be played; none for all of the environment's.
-        worlds: how many each scheduler meets; the random one meets all, because its draws depend on their number.
-        saved: how many each saved agent meets; 0 plays none.
+        policies: policies to play; if empty, all of the environment's.
+        worlds: number of worlds for each scheduler; the random one plays all, because its draws depend on their number.
+        saved: number of worlds for each saved agent; 0 plays none.
     """
     from wavegym.evaluation.play import play
     from wavegym.evaluation.task import make_task

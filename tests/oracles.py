@@ -26,7 +26,7 @@ def rows(batch, index):
 def in_step(single, batch, steps, seed=5):
     """Play drawn actions in a single environment and in all of a batch, which must return the same in row 0.
 
-    Yields k from 1 on, and what either gave.
+    Yields k from 1 on, and both results.
     """
     single.action_space.seed(1)
     seen, _ = single.reset(seed=seed)
@@ -69,8 +69,8 @@ def chirp_covariance(k, sweep, fc=10.4e9):
 def received_covariance(k, sweep, r, reference):
     """Covariance of a pulse of its own echo from range r (m), SNR 1 at the range ``reference``: R of Kershaw and Evans.
 
-    The receiver is off for the interval that holds 99 % of a pulse's energy, so of the echo it sees the tail of a
-    Gaussian, and of the information the part that the variance in this tail, times its weight, is of the whole.
+    The receiver is off for the interval with 99 % of a pulse's energy. So it sees a tail of the Gaussian echo. The
+    share of the information is the variance in this tail, times its weight, divided by the variance of the whole pulse.
     """
     tail = np.sqrt(2) * (np.sqrt(2) * norm.ppf(0.995) / 2 - 2 * r / C / k)  # standard deviations of |s|^2
     share = norm.sf(tail) * truncnorm.var(tail, np.inf)

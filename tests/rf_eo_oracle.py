@@ -1,8 +1,8 @@
 """O'Rourke and Swindlehurst's loop from the paper's equations, one environment at a time, its algebra to 80 digits.
 
-The batch information form (11) is evaluated in decimals so long that what they round can be left out of account: a
-difference of 1e-10 is the other side's rounding. Only h, the variances and the penalties are floats. Platforms'
-numbers are ordered (platform, quantity), quantities range, range-rate, azimuth; ``p`` is a setting (PRF, B, alpha).
+The batch information form (11) is evaluated in long decimals, whose rounding is negligible: a difference of 1e-10 is
+the rounding of the other side. Only h, the variances and the penalties are floats. Platforms' numbers are ordered
+(platform, quantity), quantities range, range-rate, azimuth; ``p`` is a setting (PRF, B, alpha).
 """
 
 from __future__ import annotations

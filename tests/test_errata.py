@@ -1,4 +1,4 @@
-"""What docs/errata.md proves by a number."""
+"""The numbers in docs/errata.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The example package works as an outsider's: on the path, never part of wavegym."""
+"""The example package works like a user's own package: on the path, not part of wavegym."""
 
 from __future__ import annotations
 

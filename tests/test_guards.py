@@ -1,4 +1,4 @@
-"""Every public function of the parts refuses bad values at the door, in one line that names the argument.
+"""Every public function of the parts refuses bad values at once, in one line that names the argument.
 
 ``GOOD`` holds valid arguments of each function, and what each argument has to be. The bad values follow from that. A
 new public function without a row fails ``test_every_public_name_has_a_row``.

@@ -1,4 +1,4 @@
-"""Imports go down: no circle, rooms in one order; what stands under TYPE_CHECKING counts too."""
+"""Imports go down: no circle, rooms in one order; imports under TYPE_CHECKING count too."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The built wheel does the whole job away from the repository, without torch."""
+"""The built wheel does all its work outside the repository, without torch."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def tracked() -> list[str]:
 
 
 def source(folder: Path) -> Path:
-    """A copy of the files that git tracks: the build writes beside them."""
+    """A copy of the files that git tracks, because the build writes files beside them."""
     copy = folder / "source"
     for name in tracked():
         if name.startswith("wavegym/") or "/" not in name:

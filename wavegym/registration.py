@@ -22,7 +22,7 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class Registration(NamedTuple):
-    """What is known of an id before its environment is made.
+    """The record of an id, known before its environment is made.
 
     Attributes:
         system: a System class or object, or ``"package.module:Class"``.
@@ -108,9 +108,8 @@ def register(
         **parameters: parameters of the system, or settings of the environment, other than the defaults.
 
     Raises:
-        InputError: ``system`` is none of these; an unknown parameter (nearest named) or one out of range; or another
-            id gave the class of ``system`` a scene. The parameters of a ``"package.module:Class"`` are checked by
-            ``gym.make``, the scene and the settings where they are used.
+        InputError: an invalid system or parameter (``gym.make`` checks those of a ``"package.module:Class"``), or
+            another id gave the class of ``system`` a scene.
     """
     _check_system(system, {name: value for name, value in parameters.items() if name not in SHELL})
     record = Registration(system, scene, parameters, settings)

@@ -13,7 +13,7 @@ DEFAULT = "wavegym/KershawEvansPosition-v0"
 
 
 def percent_over_myopic(env_id: str, policy: Any, worlds: int = 200, **settings: Any) -> float:
-    """Mean cost of a policy over that of ``myopic`` on the same worlds, minus one, in percent; below 0 is better."""
+    """Mean cost of a policy relative to ``myopic`` on the same worlds, in percent; below 0 is better."""
     summary = summarise(compare(env_id, {"learner": policy}, worlds=worlds, jobs=1, progress=False, **settings))
     cost = {name: entry["cost"]["mean"] for name, entry in summary["policies"].items()}
     return 100.0 * (cost["learner"] / cost["myopic"] - 1.0)
@@ -23,9 +23,9 @@ def main(train: Callable[[str, int, int], Any], steps: int, **settings: Any) -> 
     """Read the options, train, compare, print.
 
     Args:
-        train: of the environment's id, the number of steps and the seed; returns whatever
+        train: a function of the environment's id, the number of steps and the seed; returns anything that
             ``wavegym.evaluation.as_policy`` takes.
-        steps: environment steps by default.
+        steps: default number of environment steps.
         **settings: of the environment in which the policies play.
     """
     options = argparse.ArgumentParser(description=__doc__)

@@ -1,7 +1,7 @@
 """Proximal policy optimisation in one file with torch alone, in the manner of CleanRL, on the native batch.
 
-The environments restart in the step in which an episode ends (``SameStep``). A terminated episode has no value after
-its end. After a truncation the critic values the last observation, which is in ``info["final_obs"]``.
+The environments restart in the step that ends an episode (``SameStep``). The value after a terminated episode is 0.
+After a truncation the critic gives the value of the last observation, which is in ``info["final_obs"]``.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def network(inputs: int, outputs: int) -> nn.Sequential:
 
 
 def collect(envs: Any, observation: np.ndarray, actor: nn.Module, critic: nn.Module) -> tuple[Rollout, np.ndarray]:
-    """Play ROLLOUT steps from ``observation``; also the observation after them."""
+    """Play ROLLOUT steps from ``observation``; also returns the observation after them."""
     rows, rewards, ends, following = [], [], [], []
     for _ in range(ROLLOUT):
         seen = torch.as_tensor(observation)

@@ -1,4 +1,4 @@
-"""RecurrentPPO of sb3-contrib: it sees the sensor's measurements, not the belief, so it needs its memory."""
+"""RecurrentPPO of sb3-contrib: it observes the measurements, not the belief, so it needs a memory."""
 
 from __future__ import annotations
 

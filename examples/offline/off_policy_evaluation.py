@@ -1,8 +1,8 @@
-"""Off-policy evaluation: how good are policies, judged by episodes of another one? ``python off_policy_evaluation.py``.
+"""Off-policy evaluation: policies judged by the episodes of another policy. ``python off_policy_evaluation.py``.
 
-The episodes are those of the one-step scheduler with exploration. Each policy's cost is estimated from them alone, by
-fitted Q evaluation (a network learns the sum of the costs to come) and by weighted importance sampling. Then the
-policies play, and the orders are compared.
+The episodes are those of the one-step scheduler with exploration. The cost of each policy is estimated from these
+episodes only, by fitted Q evaluation (a network learns the sum of the costs to come) and by weighted importance
+sampling. Then the policies play, and the two rankings are compared.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def fitted_q(data, chosen, actions):
 
 
 def importance_sampling(data, chosen):
-    """The mean cost of a step, weighted by the ratios of probabilities so far, and the weights' least sample size."""
+    """The mean cost of a step, weighted by the products of probability ratios, and the least effective sample size."""
     ratio = np.where(chosen == data["action"], 1.0 / data["probability"], 0.0).cumprod(axis=1)
     total = ratio.sum(axis=0)
     weight = np.divide(ratio, total, out=np.zeros_like(ratio), where=total > 0)

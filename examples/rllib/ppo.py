@@ -3,7 +3,7 @@
     python examples/rllib/ppo.py KershawEvansPosition-v0 --steps 320000
     python examples/rllib/ppo.py EnergyBudgetKnown-v0 --masks --steps 320000
 
-On a cluster of several machines: --address auto on its head node, and as many workers as it has free cores.
+On a cluster of several machines use --address auto on its head node, and one worker for each free core.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class LikeliestAction:
         self.module = module
 
     def predict(self, observation: np.ndarray, action_masks: np.ndarray | None = None, **_: Any) -> np.ndarray:
-        """Actions (env,) of observations (env, fields); ``action_masks`` (env, actions) where the actions have some."""
+        """Actions (env,) for observations (env, fields); ``action_masks`` (env, actions) if the actions have masks."""
         seen: Any = torch.as_tensor(observation)
         if isinstance(self.module, ActionMaskingTorchRLModule):
             seen = {"observations": seen, "action_mask": torch.as_tensor(action_masks, dtype=torch.float32)}

@@ -5,7 +5,7 @@
 trains and compares with the schedulers on the same test worlds:
 
 * joint: one network sees the whole observation and chooses the whole action;
-* shared: one network plays every agent; its input ends in the agent's number, one-hot;
+* shared: one network plays every agent; the agent's number, one-hot, is the end of its input;
 * independent: every agent has a network of its own, trained on its own steps in the same worlds.
 
 All have the same settings of PPO and the same number of environment steps. A minibatch is a quarter of a network's
@@ -34,7 +34,7 @@ from wavegym.envs.sb3 import SB3VecEnv
 from wavegym.evaluation import compare, full_id, training_seeds, write_report
 from wavegym.integrations.pettingzoo import BatchedParallelEnv, TeamPolicy
 
-# The reward of the training, and the system's settings. "relative" and "log-cost" take away how hard a world is.
+# The reward of the training, and the system's settings. "relative" and "log-cost" remove the difficulty of a world.
 TASKS: dict[str, tuple[str, dict[str, Any]]] = {
     "AgileClutter-v0": ("relative", {"tracker": "mixture"}),
     "RfEoFar-v0": ("log-cost", {"action": "library", "points": (8, 1, 8)}),
@@ -76,7 +76,7 @@ class AgentRows(VecEnv):
         super().__init__(envs.num_envs * len(self.names), space, envs.action_spaces[self.names[0]])
 
     def reset(self) -> np.ndarray:
-        """First observations, (row, fields)."""
+        """The first observations, (row, fields)."""
         observations, _ = self.envs.reset(seed=self._first)
         return self._rows(observations)
 
@@ -140,14 +140,14 @@ class Seat(gym.Env):
 
 
 def train_independent(envs: BatchedParallelEnv, seeds: Sequence[int], seed: int, steps: int) -> dict[str, PPO]:
-    """A PPO for every agent: all act in the same environments, and each learns from its own observations."""
+    """One PPO for each agent: all act in the same environments, and each learns from its own observations."""
     models = {}
     for number, name in enumerate(envs.possible_agents):
         own = envs.observation_spaces[name], envs.action_spaces[name]
         seats = DummyVecEnv([lambda own=own: Seat(*own)] * envs.num_envs)
         models[name] = make_ppo(seats, seed * len(envs.possible_agents) + number)
         models[name].set_logger(configure(None, []))
-    set_random_seed(seed)  # the last model's seed is that of all sampling otherwise
+    set_random_seed(seed)  # otherwise the last model's seed would be that of all sampling
     observations, _ = envs.reset(seed=list(seeds))
     starts = np.ones(envs.num_envs, np.bool_)
     rollout, done = envs.num_envs * SETTINGS["n_steps"], 0
@@ -164,7 +164,7 @@ def train_independent(envs: BatchedParallelEnv, seeds: Sequence[int], seed: int,
 def collect(
     models: dict[str, PPO], envs: BatchedParallelEnv, observations: dict[str, np.ndarray], starts: np.ndarray
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Fill the rollout buffer of every agent; returns the next observations, and which environments begin there."""
+    """Fill the rollout buffer of every agent; returns the next observations, and which of them begin an episode."""
     for model in models.values():
         model.policy.set_training_mode(False)
         model.rollout_buffer.reset()

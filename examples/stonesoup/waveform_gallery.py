@@ -1,4 +1,4 @@
-"""Who schedules a radar's waveforms best in Stone Soup: an agent, wavegym's schedulers, or Stone Soup's own manager.
+"""Waveform scheduling in Stone Soup: an agent, wavegym's schedulers and Stone Soup's own managers compared.
 
 A target on the radar's line of sight is simulated and tracked by Stone Soup: ``ConstantVelocity``, ``KalmanPredictor``,
 ``ExtendedKalmanUpdater``. The scenario is that of ``KershawEvansPosition-v0``. Every manager meets the same targets and
@@ -63,7 +63,7 @@ def manager(name: str, system: Any, radar: Any, filters: tuple[Any, Any], seed: 
 
 
 def play(name: str, system: Any, seed: int) -> dict[str, Any]:
-    """Mean trace(Lambda P), mean squared error of range and processor time a decision of one episode."""
+    """Mean trace(Lambda P), mean squared range error and processor time for a decision of one episode."""
     path, track = scenario(system, seed)
     (radar,) = radars_of(system, seed=seed)
     filters = KalmanPredictor(ConstantVelocity(system.q)), ExtendedKalmanUpdater()

@@ -1,6 +1,6 @@
 """A street radar that must choose: ``Urban`` with two streets. A scan illuminates one, both at half energy, or none.
 
-A trial of what a planner gains by such a choice, not an environment of the suite: see ``street_trial.py``.
+A trial of what a planner gains with such a choice; not an environment of the suite. See ``street_trial.py``.
 """
 
 from __future__ import annotations
@@ -28,8 +28,11 @@ from wavegym.waveforms import PulseTrain, measurement_covariances
 
 LANES, SPEEDS, ENTRIES = (70.0, -70.0), (6.0, 8.0, 10.0), (-140.0, -110.0, -80.0)  # m, m/s, m: of the drawn routes
 HANDED_OVER = (3.0, 3.0, 1.0, 1.0)  # standard deviations of the first estimate of (x, y, xdot, ydot)
-FIRST, LIVE = 0.95, 0.9995  # existence of a track handed over; that a vehicle is still there a scan later
-NOBODY = 1e-9  # gate probability of a scan in which nothing is sent: no detection is expected
+FIRST, LIVE = (
+    0.95,
+    0.9995,
+)  # existence of a new track; probability that a vehicle is still there a scan later
+NOBODY = 1e-9  # gate probability of a scan without a pulse: no detection is expected
 CHOICES = {"time": ((0, 1), (1, 1), (2, 2)), "revisit": ((0, 1), (1, 1)), "energy": ((2, 1), (3, 0))}
 """Of each kind: (streets lit: the first, the second, both, none; trains' divisor, 0 for silence) of each action."""
 
@@ -43,7 +46,7 @@ class World(NamedTuple):
 
 
 class Belief(NamedTuple):
-    """The tracks, where the beam points, scans of its turn left, and energy in whole trains; axis 0 = environment."""
+    """The tracks, the beam's street, scans left of its turn, and energy in whole trains; axis 0 = environment."""
 
     step: Any
     x: Any
@@ -148,7 +151,7 @@ class Street(Urban):
         return [*own[:3], own[3]._replace(gate_probability=NOBODY)]
 
     def mask(self, belief: Any) -> Any:
-        """Silence alone where the account is empty."""
+        """Only silence if the account is empty."""
         if self.kind != "energy":
             return np.ones((*np.shape(belief.step), len(self.actions)), np.bool_)
         return np.stack([belief.energy >= 1.0, belief.energy >= 0.0], axis=-1)
@@ -201,13 +204,13 @@ class Street(Urban):
         return found._replace(R=self.urban_tracker.direct_errors(found.z, found.number, *self._of_pairs(share)))
 
     def _of_pairs(self, share: Any) -> tuple[Any, Any]:
-        """Covariance and SNR of every pair; silence has those of a train, which no measurement meets."""
+        """Covariance and SNR of every pair; silence has those of a train, which no measurement uses."""
         wave, snr = self._law
         each = np.repeat(np.maximum(share, 1)[:, None], len(self.pairs), axis=1)
         return wave[each], snr[each]
 
     def note(self, truth: Any, measurements: Measurements) -> Any:
-        """Nothing is noted."""
+        """The truth as it is: there is nothing to note."""
         return truth
 
     def _groups(self, leaves: list[Any], lit: Any, share: Any, update: Any) -> list[Any]:
@@ -315,7 +318,7 @@ def delay(system: Street, belief: Any) -> Any:
 
 @shortcuts.gain.register(Street)
 def gain(system: Street, belief: Any, wait: Any, ahead: Any) -> Any:
-    """What a look after ``wait`` scans takes off the cost of the ``ahead`` scans from it on; no limit at c0."""
+    """What a look after ``wait`` scans saves in the ``ahead`` scans from then on; without the limit c0."""
     actions, count = len(system.actions), len(belief.step)
     late = np.broadcast_to(np.asarray(wait), (count, actions)).reshape(-1)
     tracks = [np.repeat(leaf, actions, axis=0) for leaf in belief[1:8]]

@@ -106,10 +106,10 @@ def share_lit(t, x, P, mu, pair, constants, models):
 
 @kernel
 def foresee(x, P, mu, existence, status, age, constants, wave, snr, draws, nn, mm, ll):
-    """The tracks a scan later, in place: expected for draws (env, 0), drawn detections for draws (env, pair * slot).
+    """Predict the tracks a scan later, in place: expected for draws (env, 0), sampled for draws (env, pair * slot).
 
-    As ``scan_kernels.expect``, but a track is visible with a probability, ``share_lit``; a drawn detection proves that
-    it exists, a drawn miss lowers its existence by Bayes's rule.
+    As ``scan_kernels.expect``, but a track is visible with the probability ``share_lit``. A drawn detection shows that
+    the track exists; a drawn miss lowers its existence by Bayes's rule.
     """
     scratch = scratch_for(mu.shape[1], len(mm), len(nn), len(ll))
     predicted = predicted_for(mu.shape[1], len(mm), len(nn), len(ll))

@@ -2,8 +2,8 @@
 
     cd examples/street && python street_trial.py --choices "turning beam,energy" --page ../../docs/street.md
 
-Three choices of ``street.py``. The best heuristic is chosen on tuning worlds, and planners follow it. All policies
-play the same test worlds.
+Three choices of ``street.py``. The best heuristic is chosen on tuning worlds and is the base of the planners. All
+policies play the same test worlds.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ BEGIN, END = "<!-- made by `street_trial.py`: -->", "<!-- street to here -->"
 
 
 def simple_rules(system: Street) -> Iterator[tuple[str, Any]]:
-    """Cycles, the one-step scheduler, and an index or a price with several constants."""
+    """Cycles, the one-step scheduler, and an index or price heuristic with several constants."""
     yield "myopic", Myopic()
     if system.kind == "energy":
         for every in (4, 5, 6):
@@ -80,7 +80,7 @@ def against(values: Any, reference: Any) -> str:
 
 
 def rows(name: str, tunings: int, count: int) -> Iterator[str]:
-    """The table's lines of one choice."""
+    """The lines of one choice in the table."""
     system = Street(**TRIALS[name])
     tuning, test = (draw_worlds(system, world_seeds(0, split, n)) for split, n in (("tune", tunings), ("test", count)))
     rules = dict(simple_rules(system))
@@ -95,7 +95,7 @@ def rows(name: str, tunings: int, count: int) -> Iterator[str]:
 
 
 def renew(page: Path, name: str, lines: list[str]) -> None:
-    """Put the lines of one choice into the page's table; those of others stay."""
+    """Put the lines of one choice into the page's table; the lines of other choices stay."""
     before, _, rest = page.read_text().partition(BEGIN)
     table, _, after = rest.partition(END)
     kept: dict[str, list[str]] = {}

@@ -29,8 +29,8 @@ SEED = 22  # of the worlds
 ENVIRONMENTS = ("AgileClutter-v0", "BeamAllocation-v0", "EnergyBudget-v0", "EnergyBudgetKnown-v0")
 SIZES = {"jpda": (0,), "mixture": (1, 2, 4, 8, 16, 32, 64), "particle": (100, 1000, 10_000)}
 PARAMETER = {"mixture": "components", "particle": "particles"}
-POLICIES = ("random", "myopic", "best-planner")  # beside best-simple
-SLOW = {("particle", 10_000): 5, "best-planner": 12}  # are played on so many times fewer worlds
+POLICIES = ("random", "myopic", "best-planner")  # in addition to best-simple
+SLOW = {("particle", 10_000): 5, "best-planner": 12}  # these are played on fewer worlds, by this factor
 
 SHOWN = {"nees": "NEES", "nees_kept": "NEES, kept", "true_over_believed": "true / believed", "error": "true error"}
 
@@ -44,12 +44,12 @@ class Case(NamedTuple):
     size: int  # components or particles; 0 for JPDA
 
     def worlds(self, count: int) -> int:
-        """On how many worlds."""
+        """The number of worlds."""
         return count // (SLOW.get((self.tracker, self.size), 1) * SLOW.get(self.policy, 1))
 
 
 class Figures(NamedTuple):
-    """Of each world, (world,) each: sums over steps and targets present; ``tracks`` and ``lost`` count targets."""
+    """Figures of each world, (world,): sums over steps and present targets; ``tracks`` and ``lost`` count targets."""
 
     nees: Array
     entries: Array
@@ -62,7 +62,7 @@ class Figures(NamedTuple):
 
 
 def cases(sizes: dict[str, tuple[int, ...]]) -> Iterator[Case]:
-    """The curve of every tracker and size with the best heuristic, then other policies, planners last."""
+    """Every tracker and size with the best heuristic, then the other policies, planners last."""
     for environment in ENVIRONMENTS:
         for tracker, counts in sizes.items():
             for size in counts:
@@ -76,7 +76,7 @@ def cases(sizes: dict[str, tuple[int, ...]]) -> Iterator[Case]:
 
 
 def play(case: Case, count: int) -> tuple[Figures, float]:
-    """The figures of each world, and CPU microseconds of a step of one environment, decisions left out."""
+    """The figures of each world, and CPU microseconds of a step of one environment without the decision."""
     default = make_task(case.environment, {}).system
     changed = {"tracker": case.tracker} | ({PARAMETER[case.tracker]: case.size} if case.size else {})
     system: Any = make_task(case.environment, changed).system
@@ -146,7 +146,7 @@ def table(rows: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def main() -> None:
-    """Play all cases; after an interruption the same command plays those that the file lacks."""
+    """Play all cases. After an interruption the same command plays the cases that are missing in the file."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--worlds", type=int, default=300)
     parser.add_argument("--out", type=Path, default=Path("results/consistency/clutter.csv"))

@@ -1,8 +1,8 @@
 """Time steps of an environment: ``python environment_player.py ID COUNT``.
 
-Reads seconds, one number a line, and prints the CPU microseconds of a step of one of COUNT environments under random
-actions, resets included, over at least so long. Imports nothing of this package, so that it can play another checkout's
-environments.
+Reads seconds, one number a line. Plays COUNT environments with random actions for at least this time and prints the CPU
+microseconds of a step of one environment, resets included. Imports nothing of this package, so that it can play the
+environments of another checkout.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A step of each environment here and in another checkout: ``python -m research.benchmarks.environments OTHER [ID]``.
 
-OTHER is the folder of another commit. Each checkout is played by a process of its own, with the Python that runs this.
+OTHER is the folder of another commit. A separate process plays each checkout, with the Python that runs this command.
 The two are timed in turn, so that changes of the machine's speed cancel in the ratio.
 """
 

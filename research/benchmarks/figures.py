@@ -15,7 +15,7 @@ def read_rows(file: Path) -> list[list[str]]:
 
 
 def renew_rows(file: Path, head: str, name: str, rows: Sequence[Sequence[str]]) -> None:
-    """Put ``rows``, whose first cell is the environment's ``name``, in place of its old ones; in the suite's order."""
+    """Replace the rows of the environment ``name`` by ``rows``, which begin with this name; in the suite's order."""
     names = [stem(env_id) for env_id in SYSTEMS]
     found = [row for row in read_rows(file) if row[0] != name] + [list(row) for row in rows]
     found.sort(key=lambda row: names.index(row[0]))

@@ -1,9 +1,9 @@
 """How much code there is, and how much of it runs: ``python -m research.benchmarks.paths``.
 
-Prints four tables: modules of wavegym that an import loads; functions and files of wavegym that a step and
-``wavegym evaluate`` pass; lines and files of each folder; the largest files. A function counts once, however often it
-is called. Compiled kernels that Python calls count (Numba reports them to ``sys.setprofile``); those that other kernels
-call, comprehensions, lambdas and what runs while a module is imported do not.
+Prints four tables: modules of wavegym that an import loads; functions and files of wavegym that a step and ``wavegym
+evaluate`` pass; lines and files of each folder; the largest files. A function counts once, however often it is called.
+Compiled kernels that Python calls count (Numba reports them to ``sys.setprofile``). Kernels that other kernels call,
+comprehensions, lambdas and code that runs during an import do not count.
 """
 
 from __future__ import annotations

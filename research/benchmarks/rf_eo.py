@@ -3,7 +3,7 @@
 Both peers do the same step for two targets and two platforms. They decode the action to variances and field of view,
 move the truth, and measure the targets in view. One filter per target predicts and updates with six numbers. The same
 functions for both then compute observation, cost, position errors, NEES and predicted information. The peers have no
-resets, clipping or Gymnasium shells. Their measurement functions are plain Python arithmetic: for so few numbers it
+resets, clipping or Gymnasium shells. Their measurement functions are plain Python arithmetic, which for a few numbers
 takes 0.6 of NumPy's time.
 """
 

@@ -1,7 +1,8 @@
 """Run all benchmarks and print their tables: ``make benchmarks``; with ``--quick`` only the comparisons.
 
-``--quick`` ends with an error where a ratio is below half its target: that is a regression, whatever else the machine
-does. Times are CPU times of one thread. Both sides of a ratio are measured in one run, so it holds on other machines.
+``--quick`` ends with an error if a ratio is below half of its target. That is a regression, whatever else the machine
+does. Times are CPU times of one thread. Both sides of a ratio are measured in one run, so that the ratio is valid on
+other machines.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ PEERS = (
 
 
 def peers() -> Iterator[tuple[str, Ratio, float | None]]:
-    """Every comparison with another library as it is measured: its name, the ratio, and the target, if any."""
+    """Every comparison with another library, as soon as it is measured: its name, the ratio, and the target, if any."""
     print("| work | ours (us) | peer (us) | ratio | least..greatest | goal |\n|---|---|---|---|---|---|")
     for peer, measure in PEERS:
         for name, (r, wanted) in measure().items():
@@ -53,7 +54,7 @@ def main() -> None:
 
 
 def others() -> None:
-    """What no other library does: scans, dwells, planners and training."""
+    """Tasks that no other library has: scans, dwells, planners and training."""
     print("\n| urban scan | us |\n|---|---|")
     for name, us in urban.scans().items():
         print(f"| {name} | {us:.0f} |")

@@ -1,9 +1,9 @@
 """How long the first step of each environment takes: ``python -m research.benchmarks.startup [ID ...]``.
 
-Each environment is made, reset and stepped once in a process of its own: with an empty cache of kernels, and again
-with the cache of the first. Then four processes play one environment at once, with one empty cache. Seconds are CPU
-time of the process, its imports included; on a machine with nothing else to do that is the time one waits.
-Figures go to results/startup.csv and docs/speed.md.
+A new process makes, resets and steps each environment: first with an empty cache of kernels, then with the cache of the
+first process. Then four processes with one empty cache play one environment at the same time. Seconds are CPU time of
+the process, with its imports. On an idle machine that is the waiting time. Figures are written to results/startup.csv
+and docs/speed.md.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ print(time.process_time(), float(reward).hex())
 
 
 def begun(env_id: str, cache: str) -> subprocess.Popen[str]:
-    """A process that plays the first step of an environment with a folder for compiled kernels."""
+    """Start a process that plays the first step of an environment, with a folder for compiled kernels."""
     settings = {**os.environ, "NUMBA_CACHE_DIR": cache, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-W", "error", "-c", FIRST_STEP, env_id]
     return subprocess.Popen(command, env=settings, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -56,14 +56,14 @@ def ended(process: subprocess.Popen[str]) -> tuple[float, str]:
 
 
 def measured(env_id: str) -> tuple[float, float]:
-    """Seconds until an environment's first step with an empty cache, and with the one that this has filled."""
+    """Seconds until an environment's first step, with an empty cache and with the cache that this step has filled."""
     with tempfile.TemporaryDirectory() as cache:
         cold, warm = (ended(begun(env_id, cache))[0] for _ in range(2))
     return cold, warm
 
 
 def at_once() -> float:
-    """Seconds by the clock until ``AT_ONCE`` processes with one empty cache have made the same first step.
+    """Seconds of wall time until ``AT_ONCE`` processes with one empty cache have made the same first step.
 
     Raises:
         InputError: a process failed, or the rewards differ.

@@ -1,5 +1,5 @@
-"""The figures of three papers, rebuilt from the repository: ``python -m research.papers PAPER --out DIR``.
+"""The figures of four papers, rebuilt from the repository: ``python -m research.papers PAPER --out DIR``.
 
-Each paper has a folder, and all folders have one shape: ``study`` plays the runs, ``numbers`` estimates the summary
-from them, ``pictures`` and ``files`` write the figures, ``table`` and ``claims`` make the tables of the page.
+Each paper has a folder, and all folders have the same modules: ``study`` plays the runs, ``numbers`` estimates the
+summary, ``pictures`` and ``files`` write the figures, ``table`` and ``claims`` make the tables of the page.
 """

@@ -18,7 +18,7 @@ class Paper(Protocol):
     """What ``research.papers.NAME`` offers for each NAME in ``RUNS``.
 
     Attributes:
-        TRACKERS: values of ``--tracker``; empty where the user has no choice.
+        TRACKERS: values of ``--tracker``; empty if the user has no choice.
         FILES: names of the files that ``write`` makes; the last one is ``summary.json``.
         play: play(runs, seed, jobs, *, store, ...) plays the study.
     """

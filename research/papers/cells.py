@@ -10,7 +10,7 @@ NONE = "–"  # where there is no number
 
 
 def written(value: float | None, digits: int, rounding: Callable[[float], float] = round) -> str:
-    """A number with so many digits after the point; ``NONE`` for None."""
+    """A number with ``digits`` digits after the point; ``NONE`` for None."""
     if value is None:
         return NONE
     return f"{rounding(round(value * 10**digits, 6)) / 10**digits:.{digits}f}"

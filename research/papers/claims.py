@@ -1,4 +1,4 @@
-"""Claims held against numbers: a verdict follows from an interval and a limit."""
+"""Claims checked with numbers: a verdict follows from an interval and a limit."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Claim(NamedTuple):
         text: the claim, a fixed string.
         case: the scene, setting or tracker in which the claim is checked.
         measured: the estimate with its 95 % interval, in the unit that ``text`` names.
-        limit: the range to which the estimate is held.
+        limit: the range in which the estimate should be.
         paper: what the paper says; ``NONE`` for our own claim.
         digits: after the decimal point.
         verdict: ``YES``, ``PARTLY``, ``NO`` or ``UNDECIDED``.
@@ -54,7 +54,7 @@ def claim(text: str, case: str, measured: Estimate, limit: Limit, paper: str = N
 
 
 def verdict(ci: Sequence[float] | None, limit: Limit) -> str:
-    """``YES`` if the whole interval is inside the range, ``NO`` if it is outside, ``UNDECIDED`` if it holds an edge.
+    """``YES`` if the whole interval is inside the range, ``NO`` if outside, ``UNDECIDED`` if it contains an edge.
 
     Instead of the last two: ``PARTLY`` if the whole interval is inside the wider range.
     """

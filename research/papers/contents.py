@@ -21,12 +21,12 @@ def csv_bytes(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> bytes:
 
 
 def json_bytes(summary: dict[str, Any]) -> bytes:
-    """A summary; None, never NaN, stands where there is no estimate."""
+    """A summary; None, never NaN, means that there is no estimate."""
     return (json.dumps(summary, indent=2, allow_nan=False) + "\n").encode()
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty picture of so many inches, without a window."""
+    """An empty picture of this size in inches, without a window."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

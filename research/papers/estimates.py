@@ -1,4 +1,4 @@
-"""Estimates over runs with 95 % intervals, as the papers' ``summary.json`` hold them."""
+"""Estimates over runs with 95 % intervals, as in the papers' ``summary.json``."""
 
 from __future__ import annotations
 
@@ -19,14 +19,17 @@ def mean_estimate(values: Array, seed: int) -> Estimate:
 
 
 def share_estimate(values: Array, seed: int) -> Estimate:
-    """The mean of (run,) shares. Where all runs agree, or each has 0 or 1, a bootstrap interval is too narrow.
+    """The mean of (run,) shares. If all runs agree, or each has 0 or 1, a bootstrap interval is too narrow.
 
-    The interval is then the exact one of a count of n runs. Where all runs agree on a share between 0 and 1, it is the
-    range of the mean if the share of runs with another value is as large as a count of 0 in n allows.
+    The interval is then the exact one for a count in n runs. If all runs agree on a share between 0 and 1, some runs
+    outside the sample may differ: their share is at most the upper bound for a count of 0 in n. The interval is the
+    resulting range of the mean.
     """
     if not len(values) or not (np.isin(values, (0.0, 1.0)).all() or (values == values[0]).all()):
         return mean_estimate(values, seed)
-    from scipy.stats import binomtest  # half a second that a worker process need not spend
+    from scipy.stats import (
+        binomtest,
+    )  # half a second, which worker processes do not need
 
     share = float(values.mean())
     if 0.0 < share < 1.0 and (values == values[0]).all():
@@ -46,12 +49,12 @@ def ratio_estimates(values: Array, reference: Array, seed: int) -> dict[str, Any
 
 
 def rms_estimate(squares: Array, counts: Array, seed: int) -> Estimate:
-    """Root of the mean of all squares: ``squares`` (run,) are their sums, ``counts`` (run,) how many there are."""
+    """Root mean square: ``squares`` (run,) are the sums of squares, ``counts`` (run,) their numbers."""
     return statistics.of_worlds(lambda runs: _rms(squares, counts, runs), len(squares), _generator(seed))
 
 
 def rms_ratio(ours: tuple[Array, Array], reference: tuple[Array, Array], seed: int) -> dict[str, Any]:
-    """One root mean square, (squares, counts) as for ``rms_estimate``, over another of the same worlds."""
+    """The ratio of two root mean squares of the same worlds; (squares, counts) as for ``rms_estimate``."""
     found = statistics.of_worlds(
         lambda runs: _rms(*ours, runs) / _rms(*reference, runs), len(ours[0]), _generator(seed)
     )

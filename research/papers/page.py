@@ -1,4 +1,4 @@
-"""The part of a page that is made from results: ``python -m research.papers.page SUMMARY PAGE``."""
+"""The generated part of a page, from results: ``python -m research.papers.page SUMMARY PAGE``."""
 
 from __future__ import annotations
 

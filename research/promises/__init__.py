@@ -1,1 +1,1 @@
-"""Commands that test what the suite promises, too long for the test suite; docs/promises.md has their results."""
+"""Commands that test what is promised and are too long for the test suite; docs/promises.md has the results."""

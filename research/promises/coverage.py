@@ -1,8 +1,8 @@
-"""Do 95 % intervals hold the truth in 95 % of cases? ``python -m research.promises.coverage [ENVIRONMENT ...]``.
+"""Do 95 % intervals contain the truth in 95 % of cases? ``python -m research.promises.coverage [ENVIRONMENT ...]``.
 
-The episodes of `make leaderboard` are taken for the whole truth: as many worlds are drawn from them again and again,
-with replacement, and the interval from each draw holds the value of all worlds, or not. Heavy tails show at once: where
-one world costs as much as fifty others, most draws miss it. The table goes to docs/promises.md.
+The episodes of `make leaderboard` are treated as the population. Samples of the same size are drawn from them with
+replacement, and the command counts how often the interval of a sample contains the value of the population. Heavy tails
+are visible at once: if one world costs as much as fifty others, most samples miss it. The table is in docs/promises.md.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from wavegym.schedulers.tuned_constants import SIMPLE
 PAGE = Path(__file__).parents[2] / "docs" / "promises.md"
 START, END = "<!-- made by `python -m research.promises.coverage`: -->", "<!-- coverage to here -->"
 DRAWS = 400
-LEAST, MOST = 0.90, 0.97  # between which a share of DRAWS counts as 95 %
+LEAST, MOST = 0.90, 0.97  # a share of DRAWS between these counts as 95 %
 
 
 def covered(own: Array, others: Array) -> Array:
-    """For each number of a ``statistics.Difference`` the share of draws whose interval holds that of all worlds.
+    """For each number of a ``statistics.Difference``: the share of samples whose interval contains that of all worlds.
 
     Args:
         own, others: costs of a policy and of the one that it is compared with, (1, world).
@@ -64,7 +64,7 @@ def row(name: str) -> list[str]:
 
 
 def said(share: float) -> str:
-    """A share in per cent, marked where it is too low or too high."""
+    """A share in per cent, marked if it is too low or too high."""
     mark = " low" if share < LEAST else " high" if share > MOST else ""
     return f"{100 * share:.1f} %{mark}"
 
@@ -78,7 +78,9 @@ def table(chosen: Sequence[str]) -> str:
 
 def main() -> None:
     """The command."""
-    parser = Parser(prog="python -m research.promises.coverage", description="How often 95 % intervals hold the truth.")
+    parser = Parser(
+        prog="python -m research.promises.coverage", description="How often 95 % intervals contain the true value."
+    )
     parser.add_argument("names", nargs="*", metavar="ENVIRONMENT", help="which to print (default: all, to the page)")
     chosen = parser.read(None).names
     for name in chosen:

@@ -1,9 +1,9 @@
 """The same episodes in every way of playing: ``python -m research.promises.determinism [ENVIRONMENT ...]``.
 
-Each environment plays eight episodes under the best heuristic and PPO: in one batch, one by one, in threads, in
-smaller batches of other processes, and on a Ray cluster where Ray is installed. Observations, rewards and flags of all
-steps must be the same, byte for byte; else the command fails. (Random actions are drawn for a batch as a whole, so they
-differ between batches of different size.)
+Each environment plays eight episodes with the best heuristic and PPO: in one batch, one by one, in threads, in smaller
+batches of other processes, and on a Ray cluster if Ray is installed. Observations, rewards and flags of all steps must
+be the same, byte for byte; otherwise the command fails. Random actions are drawn for a whole batch, so they would
+differ between batches of different size.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ POLICIES = (SIMPLE, PPO)
 
 
 def batch(env_id: str, policy: str, seeds: Sequence[int], threads: int = 1) -> list[str]:
-    """A digest of each episode up to its end, at most ``STEPS`` steps, played in one batch."""
+    """A digest of each episode, at most ``STEPS`` steps, played in one batch."""
     agent, parameters = _player(env_id, policy)
     envs: Any = gym.make_vec(env_id, num_envs=len(seeds), num_threads=threads, **parameters)
     return _played(envs, agent, list(seeds))
@@ -111,7 +111,7 @@ def differing(env_id: str, policy: str, ways: Sequence[str]) -> list[str]:
 def policies_of(env_id: str) -> Sequence[str]:
     """The policies under which an environment is played.
 
-    Without an agent, a round robin alone: other heuristics try waveforms out first, which takes hours in UrbanSignal.
+    Without an agent, only a round robin: other heuristics first try waveforms, which takes hours in UrbanSignal.
     """
     return POLICIES if (SAVED / stem(env_id) / PPO).exists() else ("round-robin",)
 

@@ -1,7 +1,7 @@
 """Commands that are killed at random: ``python -m research.promises.faults [--kills N]``.
 
-A training and an evaluation are killed again and again, by SIGKILL, SIGTERM or SIGINT, and started again each time. At
-the end their results are those of undisturbed commands, byte for byte, and no process of them is left.
+A training and an evaluation are killed many times, by SIGKILL, SIGTERM or SIGINT, and started again each time. At the
+end their results must be those of undisturbed commands, byte for byte, and none of their processes may be left.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ def undisturbed(name: str, out: Path) -> float:
 
 
 def disturbed(name: str, out: Path, kills: int, seconds: float, chance: random.Random) -> int:
-    """Run a command that is killed so often, or ends before; the number of kills.
+    """Run a command, killed up to ``kills`` times, to its end; returns the number of kills.
 
     Raises:
-        InputError: a process of a killed command is left, or the command fails when it is left alone.
+        InputError: a process of a killed command is left, or the command fails without being killed.
     """
     command = [*WAVEGYM, *COMMANDS[name][0], "--out", str(out)]
     for done in range(kills + 1):

@@ -1,8 +1,7 @@
 """Files from strangers: ``python -m research.promises.fuzz [--examples N] [KIND ...]``.
 
-Policies, records of runs, recordings, scenarios, maps and the names in a report are changed at random. Whatever they
-hold, the suite answers with a result or with one line (an InputError), never with another exception, and takes less
-than 1 GB.
+Policies, records of runs, recordings, scenarios, maps and the names in a report are changed at random. For any content
+the suite must give a result or an error of one line (InputError), never another exception, and take less than 1 GB.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from wavegym.sensors.urban_map import MAPS, UrbanMap
 from wavegym.targets.reader import read_tracks
 
 EXAMPLES = 10_000
-PORTION = 500  # files between which Hypothesis forgets what it drew: it keeps the text of up to 10 000 policies
+PORTION = 500  # files for each run of Hypothesis, which otherwise keeps the text of up to 10 000 policies
 MOST_MEMORY = 1 << 30  # bytes
 WORDS = [
     b"nan", b"inf", b"-1", b"1e400", b"0", b"", b",", b"\n", b"\r", b"\x00", b'"', b"'", b"[", b"]", b"{", b"}", b"=",
@@ -56,7 +55,7 @@ PLAIN = (
 
 @st.composite
 def edited(draw: st.DrawFn, content: bytes) -> bytes:
-    """A file with some places replaced by words of trouble, or cut off."""
+    """A file with some places replaced by troublesome words, or cut off."""
     for _ in range(draw(st.integers(1, 6))):
         start = draw(st.integers(0, len(content)))
         end = start + draw(st.integers(0, 8) | st.integers(0, len(content)))
@@ -230,7 +229,7 @@ KINDS: dict[str, Callable[[Callable[[Any], Any], Path], None]] = {
 
 
 def fuzz(kind: str, examples: int) -> tuple[int, int]:
-    """Number of files that were accepted, and of those refused. Raises whatever else a file makes the suite raise."""
+    """The numbers of accepted and refused files. Raises any other exception that the suite raises for a file."""
     counted = {"accepted": 0, "refused": 0}
     with tempfile.TemporaryDirectory() as name:
         for done in range(0, examples, PORTION):
@@ -249,7 +248,7 @@ def fuzz(kind: str, examples: int) -> tuple[int, int]:
 
 
 def answer(kind: str, data: st.DataObject, folder: Path) -> str:
-    """What becomes of one file: "accepted" or "refused"."""
+    """The result of one file: "accepted" or "refused"."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -1,8 +1,8 @@
 """Planted defects: ``python -m research.promises.mutate [--only TEXT]``.
 
-defects.toml holds single lines of the suite with a defect in each, and the tests that must find it. The command
+Each entry of defects.toml has a line of the suite, a defect of this line, and the tests that must find it. The command
 copies the sources, plants one defect after the other, and runs its tests. A test that fails must pass without the
-defect. A defect that no test finds survives: then the command fails.
+defect. A defect that no test finds survives, and the command fails.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FILE = Path(__file__).parent / "defects.toml"
 LEFT_OUT = shutil.ignore_patterns(
     ".git", ".pytest_cache", ".venv*", "out", "site", "results", "*.egg-info", ".hypothesis"
 )
-FAILED = 1  # pytest's exit status where tests fail; others are mistakes of the command
+FAILED = 1  # pytest's exit status if tests fail; any other is a mistake of the command
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -39,7 +39,7 @@ class Defect:
         what: the defect in words.
         file: of the suite.
         line: text that occurs in it once.
-        planted: what takes its place.
+        planted: the text that replaces it.
         tests: files or tests, of which one must fail.
     """
 
@@ -51,7 +51,7 @@ class Defect:
 
 
 def read_defects(file: Path = FILE) -> list[Defect]:
-    """The defects of a file. Raises an InputError if it is not valid or a line is not found once."""
+    """The defects of a file. Raises an InputError if it is not valid or a line does not occur exactly once."""
     try:
         found = TypeAdapter(dict[str, list[Defect]]).validate_python(tomllib.loads(file.read_text(encoding="utf-8")))
     except (ValidationError, tomllib.TOMLDecodeError) as error:
@@ -68,7 +68,7 @@ def is_found(defect: Defect, copy: Path) -> bool:
     """Whether a test fails with the defect, planted in a copy of the sources and taken out again.
 
     Raises:
-        InputError: the tests cannot be run, or the one that fails does so without the defect, too.
+        InputError: the tests cannot be run, or the failing test also fails without the defect.
     """
     file = copy / defect.file
     whole, known = file.read_text(encoding="utf-8"), file.stat()
@@ -88,13 +88,13 @@ def is_found(defect: Defect, copy: Path) -> bool:
 def run_tests(tests: Sequence[str], copy: Path) -> int:
     """pytest's exit status in a copy of the sources, which remembers the test that failed."""
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", "", *tests]
-    # No bytecode: Python would take a file of the same size, changed within the same second, for the one before.
+    # No bytecode: Python would confuse a file with its earlier version if size and second of the change are the same.
     environment = {**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(command, cwd=copy, env=environment, capture_output=True, check=False).returncode
 
 
 def survivors(defects: Sequence[Defect], copy: Path) -> list[str]:
-    """The words of those that no test finds; prints a line for each defect."""
+    """The words of the defects that no test finds; prints a line for each defect."""
     survived = list[str]()
     for n, defect in enumerate(defects, start=1):
         start = perf_counter()

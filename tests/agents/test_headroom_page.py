@@ -126,7 +126,7 @@ def test_the_page_keeps_what_is_written_by_hand():
 
 
 def test_the_page_shows_what_time_buys(tmp_path):
-    """A sweep in which a rule is the best within 1 ms and a planner beyond: both are named with what they cost."""
+    """In a sweep a rule is the best within 1 ms, and a planner above: the page names both with their costs."""
     header = ",".join(planner_sweep.COLUMNS)
     rule, planner = ",greedy,,,,8,0.000,0.000,0.01,1,", "rollout:5,greedy,5,4,,8,-12.34,1.26,7.0,10;100;unlimited,"
     (tmp_path / "CameraSlew-v0.csv").write_text("\n".join([header, rule, planner]) + "\n")

@@ -16,7 +16,7 @@ from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
 
 @pytest.fixture
 def brief(monkeypatch, tmp_path):
-    """Episodes of .6 s, few decisions timed, no agents, and a folder of its own."""
+    """Episodes of 0.6 s, few decisions timed, no agents, and a folder of its own."""
     monkeypatch.setattr(loads, "make_task", lambda env_id, given: make_task(env_id, {**given, "seconds": 0.6}))
     for name, value in {"TIMED": 4, "RUNS": tmp_path / "none", "FOLDER": tmp_path, "TUNING": 2, "DESCENT": 3}.items():
         monkeypatch.setattr(loads, name, value)

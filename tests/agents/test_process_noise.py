@@ -22,7 +22,7 @@ def results(monkeypatch: pytest.MonkeyPatch) -> dict:
 
 @pytest.mark.slow
 def test_figures_page_and_picture(results: dict, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Two densities: the one-step scheduler gains nothing on itself; the filter that knows the world is consistent."""
+    """Two densities: the one-step scheduler gains nothing over itself; the filter of the true density is consistent."""
     drawn, recorded = results[study.DRAWN], results["aircraft"]
     assert [(case["tracker"], case["q"]) for case in drawn["cases"]] == [
         ("kalman", 1.0),
@@ -40,7 +40,7 @@ def test_figures_page_and_picture(results: dict, monkeypatch: pytest.MonkeyPatch
             ratio = ahead["squared_error"] / myopic["squared_error"]
             assert ahead["truth"]["value"] == pytest.approx(100.0 * (ratio - 1.0))
     for case in drawn["cases"][:2]:
-        # 20 episodes of 50 steps, about 2 steps long in memory: a standard error of some 2 sqrt(2 / 1000) = .1
+        # 20 episodes of 50 steps, about 2 steps long in memory: a standard error of some 2 sqrt(2 / 1000) = 0.1
         assert abs(case["policies"]["myopic"]["nees"] - 2.0) < 0.4
     assert drawn["cases"][1]["policies"]["lookahead:2"]["belief"]["value"] < -10.0  # README's first table
 
@@ -71,7 +71,7 @@ def test_an_unknown_set_of_worlds_is_named(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_the_committed_results_are_those_of_the_page() -> None:
-    """And each set holds every tracker."""
+    """Each set of worlds has every tracker."""
     text = study.PAGE.read_text(encoding="utf-8").replace(" ", "")
     files = sorted(study.FOLDER.glob("*.json"))
     assert {"drawn", "aircraft"} <= {file.stem for file in files}

@@ -28,7 +28,7 @@ def changed(folder: Path, **settings: object) -> None:
 
 @pytest.fixture
 def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str, Path]) -> Path:
-    """PPO from scratch as the saved agent, beside it one of both and one of imitation; no DQN; a ladder."""
+    """The saved agent is PPO from scratch; other agents are of imitation and of both; no DQN; a ladder."""
     for agent in ("ppo", "ppo-both", "ppo-imitation"):
         shutil.copytree(unbroken["ppo"], tmp_path / "runs" / NAME / agent / "seed0")
     changed(tmp_path / "runs" / NAME / "ppo-both" / "seed0", teacher="myopic", steps=2000)

@@ -105,7 +105,7 @@ def test_recorded_tracks_are_played(tmp_path):
 
 @pytest.fixture
 def trained(monkeypatch):
-    """Stands in for the loading of trained networks: the folders' names tell the waveforms."""
+    """Replaces the loading of trained networks: a folder's name gives the waveform."""
     calls = []
 
     def load_policy(folder, env_id, system):

@@ -1,4 +1,4 @@
-"""The subcommand ``tracks``: what it prints and writes of files of known contents."""
+"""The subcommand ``tracks``: its output and its files, for recordings of known content."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of arrays: what goes in comes out, and whatever else comes in is a ValueError without large memory."""
+"""Files of arrays: what is written reads back the same, and any other file is a ValueError and takes little memory."""
 
 from __future__ import annotations
 

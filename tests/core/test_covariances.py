@@ -1,4 +1,4 @@
-"""Covariance matrices are told from others as their eigenvalues tell them, whatever the units and the batch."""
+"""A matrix is accepted as a covariance if its eigenvalues say so, in any units and any batch."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def test_a_batch_equals_its_elements_bit_for_bit():
 
 
 def test_a_bound_that_was_rounded_is_taken():
-    """The logarithm may be off by a rounding, the result is never beyond the box."""
+    """The logarithm may have a rounding error, but the result is never outside the box."""
     assert 1.0 - 2.0 * np.finfo(float).eps <= BOX.encode([300e-6 * (1 + 3e-16), 0.0])[0] <= 1.0
 
 

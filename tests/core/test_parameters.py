@@ -101,7 +101,7 @@ def test_a_subclass_inherits_the_declarations_and_a_plain_dataclass_adds_its_own
 
 
 def test_an_unknown_keyword_is_a_type_error_too_and_no_other_mistake_is() -> None:
-    """TorchRL tries keywords out with ``gym.make`` and goes on after a TypeError of these words."""
+    """TorchRL tries keywords with ``gym.make`` and continues after a TypeError with these words."""
     with pytest.raises(TypeError, match="unexpected keyword argument 'frameskip'") as caught:
         gym.make("wavegym/KershawEvans-v0", frameskip=1)
     assert isinstance(caught.value, InputError)

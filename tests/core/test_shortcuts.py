@@ -1,4 +1,4 @@
-"""Shortcuts are registered for pairs, void below an override of what they replace, and agree with the contract."""
+"""Shortcuts are registered for pairs, do not apply if a subclass overrides what they replace, and keep the contract."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from wavegym.testing.shortcut_check import CHECKS, shortcut_defect
 
 @dataclass(frozen=True)
 class VelocityMatters(KershawEvansPosition):
-    """What a user writes: another cost, and nothing else."""
+    """A user's subclass: another cost, and nothing else."""
 
     horizon: int = 12
     durations: tuple[float, ...] = (10e-6, 60e-6, 300e-6)
@@ -35,7 +35,7 @@ class VelocityMatters(KershawEvansPosition):
 
 
 def searched(system, belief, depth):
-    """What a compiled search should find."""
+    """The oracle of a compiled search."""
     search = Lookahead(depth, fused=False)
     search.begin(system, len(belief.step), np.random.default_rng(0))
     values = search.values(belief)
@@ -280,7 +280,7 @@ def test_what_the_suite_offers(name):
 
 
 def test_every_registration_of_the_suite_is_checked():
-    """Each class for which the suite registers a shortcut is that of an id, or its base, and has it."""
+    """Each class with a registered shortcut is the class of an id, or a base of one, and the shortcut applies to it."""
     systems = [make_task(name, {}).system for name in SYSTEMS]
     for kind in KINDS.values():
         for cls in kind.registered:

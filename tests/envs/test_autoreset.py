@@ -17,7 +17,7 @@ def make(mode, num_envs=2, **settings):
 
 
 def out_of_step(mode):
-    """Environment 0 stands one step behind environment 1, which has just ended; returns what the last step gave."""
+    """Environment 0 is one step behind environment 1, which has just ended; returns the result of the last step."""
     env = make(mode)
     env.reset(seed=0)
     env.step(np.array([0, 0]))

@@ -1,4 +1,4 @@
-"""What ``describe`` says of an environment is so."""
+"""``describe`` says what an environment really does."""
 
 import dataclasses
 import re

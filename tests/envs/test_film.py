@@ -1,4 +1,4 @@
-"""Frames: what they show, that they are the same for the same episode, and that Gymnasium's recorder takes them."""
+"""Frames: their content; the same episode gives the same frames; Gymnasium's recorder accepts them."""
 
 import pickle
 from dataclasses import dataclass

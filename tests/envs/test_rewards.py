@@ -1,4 +1,4 @@
-"""Rewards: what each is of the cost, and that a reward of one's own can be injected."""
+"""Rewards: how each one follows from the cost, and that a user's own reward can be injected."""
 
 import dataclasses
 
@@ -56,7 +56,7 @@ def test_where_no_track_is_lost_the_reward_is_minus_the_weighted_trace_of_the_co
 
 
 class Doubted(KershawEvansPosition):
-    """A track that exists with the probability .75; without it a target costs 1000 m^2."""
+    """A track that exists with the probability 0.75; without it a target costs 1000 m^2."""
 
     def cost(self, belief):
         return 0.75 * np.minimum(super().cost(belief), 1000.0) + 0.25 * 1000.0
@@ -273,7 +273,7 @@ def test_where_steps_differ_in_length_no_reward_is_relative():
 
 
 def test_the_shaped_cost_has_the_cost_of_rest_as_its_potential():
-    """Rewards sum up to the cost but for the ends; without traffic, the potential is the cost of a long wait."""
+    """Rewards sum up to the cost, except for the ends; without traffic, the potential is the cost of a long wait."""
     envs = WaveformVectorEnv(MultifunctionRadar, 3, reward="shaped-cost", slots=12, targets=5.0)
     envs.reset(seed=2)
     first, total, cost = shortcuts.resting_cost(envs.system, envs.belief, ShapedCost.SECONDS), np.zeros(3), np.zeros(3)

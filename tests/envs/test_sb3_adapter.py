@@ -94,7 +94,7 @@ def test_ppo_learns_the_same_weights(name: str) -> None:
 
 
 class Forgetful(VecEnvWrapper):
-    """Passes every truncation off as a termination."""
+    """Reports every truncation as a termination."""
 
     def reset(self) -> Any:
         return self.venv.reset()

@@ -1,4 +1,4 @@
-"""Scenes of looks, beams and accounts: every mark on them is what the states of the episode say."""
+"""Scenes of looks, beams and accounts: every mark agrees with the states of the episode."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What Gymnasium's own vector environments offer and refuse, ours do too."""
+"""Our vector environments offer and refuse the same as Gymnasium's own."""
 
 from __future__ import annotations
 

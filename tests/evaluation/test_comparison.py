@@ -18,7 +18,7 @@ POSITION = "wavegym/KershawEvansPosition-v0"
 
 
 def numbers(comparison):
-    """Everything but what was taken from a clock."""
+    """Everything except times."""
     return [[array for array in member[:-1]] for members in comparison.played.values() for member in members]
 
 
@@ -84,7 +84,7 @@ def test_parameters_reach_the_system():
 
 
 class WithLoop(Uneven):
-    """A paper's baseline of it has twice the gains."""
+    """Its baseline from a paper has twice the gains."""
 
 
 @shortcuts.baselines.register(WithLoop)
@@ -162,7 +162,7 @@ def test_kernels_are_compiled_before_other_processes_start(monkeypatch):
 
 
 def test_an_interrupted_comparison_goes_on_where_it_stopped(tmp_path, monkeypatch):
-    """The same numbers to the last bit, but for the times; nothing is left behind, and other worlds are others."""
+    """The same numbers to the last bit, except for times; no files are left, and other worlds give other numbers."""
     common = {"env_id": POSITION, "policies": ["random"], "jobs": 1, "progress": False, "horizon": 5}
     whole = compare(worlds=110, **common)
     batches = []

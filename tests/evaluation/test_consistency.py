@@ -1,4 +1,4 @@
-"""A tracker is called consistent where it is, and overconfident or underconfident where it is that."""
+"""Consistent, overconfident and underconfident trackers are each called by the right word."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def test_the_ladder_holds_what_the_system_admits(monkeypatch, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_policies_played_again_join_those_on_file(monkeypatch, tmp_path):
-    """The files are those of a ladder played at once, but for times and the order of the rows."""
+    """The files are those of a ladder played at once, except for times and the order of the rows."""
     monkeypatch.setattr(headroom, "LADDER", ("random", "myopic", "gain", "best-simple", "best-planner"))
 
     def ladder(*options, to):

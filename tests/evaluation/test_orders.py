@@ -29,7 +29,7 @@ def test_a_pair_with_two_orders_is_named():
     by_policy = {"honest": results(1.0, 1.0), "flattered": results(0.8, 1.3, members=3), "worse": results(2.0, 2.0)}
     (pair,) = reversals(by_policy, 0)
     assert (pair["policy"], pair["reference"]) == ("honest", "flattered")
-    # The geometric mean of 3 noisy members against one: 1/8 of a noise of .1 each way, over 200 worlds.
+    # The geometric mean of 3 noisy members against one: 1/8 of a noise of 0.1 each way, over 200 worlds.
     assert pair["belief"] == pytest.approx(25.0, abs=4.0)
     assert pair["truth"] == pytest.approx(-23.1, abs=4.0)
     text = order_sentence([pair])

@@ -130,7 +130,7 @@ def test_chance_follows_from_the_worlds_alone():
     policy = RandomChoice()
     first, again = play(UNEVEN, policy, SEEDS), play(UNEVEN, policy, SEEDS)
     np.testing.assert_array_equal(first.chosen, again.chosen)
-    assert (first.chosen.sum(axis=0) > 0.2 * first.steps.sum()).all()  # each of 3 expected .33 of some 200, sd .033
+    assert (first.chosen.sum(axis=0) > 0.2 * first.steps.sum()).all()  # each of 3 expected 0.33 of some 200, sd 0.033
 
 
 def test_a_clairvoyant_policy_is_shown_the_tapes_once():

@@ -27,7 +27,7 @@ def test_the_interval_of_a_mean_covers_it_as_often_as_promised():
     data = np.random.default_rng(1)
     trials = 300
     covered = sum(inside(3.0, statistics.mean(data.normal(3.0, 2.0, (1, 40)), rng()).ci) for _ in range(trials))
-    # Binomial(300, .94): bootstrap intervals of 40 values are a little narrow; three standard deviations are .041.
+    # Binomial(300, 0.94): bootstrap intervals of 40 values are a little narrow; three standard deviations are 0.041.
     assert 0.90 <= covered / trials <= 0.98
 
 
@@ -38,7 +38,7 @@ def test_the_interval_over_worlds_covers_the_mean_of_log_normal_costs_as_often_a
     true = np.exp(sigma**2 / 2)
     ends = np.array([statistics.mean(data.lognormal(0.0, sigma, (1, worlds)), rng()).ci for _ in range(trials)])
     covered = ((ends[:, 0] <= true) & (true <= ends[:, 1])).mean()
-    # Binomial(400, .95): three standard deviations. BCa's own error is of the order of 1/worlds, 0.5 %.
+    # Binomial(400, 0.95): three standard deviations. BCa's own error is of the order of 1/worlds, 0.5 %.
     assert abs(covered - statistics.LEVEL) < 3 * np.sqrt(0.95 * 0.05 / trials) + 1 / worlds
 
 
@@ -130,7 +130,7 @@ def test_a_spread_between_training_runs_widens_the_interval():
     alike, unlike = np.ones((4, 1)), np.array([[0.8], [0.9], [1.1], [1.2]])
     narrow = statistics.difference(alike * noise * baseline, baseline, rng()).percent
     wide = statistics.difference(unlike * noise * baseline, baseline, rng()).percent
-    # Resampling four runs with factors of standard deviation .158: their mean has .158/2, in per cent 7.9.
+    # Resampling four runs with factors of standard deviation 0.158: their mean has 0.158/2, in per cent 7.9.
     assert np.ptp(wide.ci) == pytest.approx(2 * 1.96 * 7.9, rel=0.2)
     assert np.ptp(narrow.ci) < 2.0
 

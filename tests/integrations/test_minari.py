@@ -1,4 +1,4 @@
-"""Datasets: every episode is replayed in a fresh environment; returns of all actions follow from replays too."""
+"""Datasets: every episode is replayed in a new environment, and returns of all actions also follow from replays."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ def off_policy_evaluation(monkeypatch):
 
 @pytest.mark.slow
 def test_fitted_q_knows_a_policy_that_nobody_played(off_policy_evaluation):
-    """Actions were drawn, and cost one and two; a policy that takes one of them alone costs what this one costs."""
+    """The recorded actions are random and cost one and two; a policy that takes only one of them has its cost."""
     rng, episodes, horizon = np.random.default_rng(0), 100, 4
     actions = rng.integers(2, size=(episodes, horizon))
     step = np.broadcast_to(np.linspace(0.0, 1.0, horizon + 1)[:, None], (episodes, horizon + 1, 1))

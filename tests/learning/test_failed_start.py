@@ -1,4 +1,4 @@
-"""What goes wrong before the first step leaves no folder behind."""
+"""An error before the first step leaves no folder behind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The search for settings: judged on worlds for tuning, taken up again, its table and its best."""
+"""The search for settings: its tuning worlds, its continuation, its table and its best trial."""
 
 from __future__ import annotations
 

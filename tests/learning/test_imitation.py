@@ -144,7 +144,7 @@ def test_of_several_modes_the_likely_one_that_is_near_counts() -> None:
     def distance(wanted: float, modes: Mixture) -> float:
         return float(_box_loss(modes, torch.tensor([[wanted]])))
 
-    outputs = torch.tensor([[np.log(3.0), 0.0, -0.5, 0.5]], dtype=torch.float32)  # at -.5 with 3/4, else at .5
+    outputs = torch.tensor([[np.log(3.0), 0.0, -0.5, 0.5]], dtype=torch.float32)  # at -0.5 with 3/4, else at 0.5
     modes = Mixture(2, 1).proba_distribution(outputs, torch.zeros(1))
     assert distance(-0.5, modes) == pytest.approx(-np.log(0.75), rel=1e-5)
     assert distance(0.5, modes) == pytest.approx(-np.log(0.25), rel=1e-5)

@@ -25,7 +25,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 
 @pytest.mark.slow
 def test_a_large_tensor_takes_the_place_of_the_one_before() -> None:
-    """The operating system hands out no pages; without the call, ten times those of a tensor."""
+    """The operating system provides no new pages; without the call it provides ten times those of a tensor."""
     if platform.libc_ver()[0] == "glibc":
         done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True)
         assert int(done.stdout) < 1000

@@ -68,7 +68,7 @@ def policy(kind: type[ActorCriticPolicy], **own: Any) -> ActorCriticPolicy:
 
 
 def test_a_teacher_that_switches_between_points_is_followed_not_met_halfway() -> None:
-    """Twice in three at -.6, else at .6, whatever is seen."""
+    """In two of three cases at -0.6, else at 0.6, for any observation."""
     rng = np.random.default_rng(0)
     seen = rng.uniform(-1, 1, (600, 1)).astype(np.float32)
     labels = np.where(rng.random((600, 1)) < 2 / 3, -0.6, 0.6).astype(np.float32)

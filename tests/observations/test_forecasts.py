@@ -52,7 +52,7 @@ def test_they_follow_the_systems_own_fields_and_are_its_predictions(name):
         assert np.ptp(values) > 0.0 or figure == "ln_delay"
 
 
-def test_of_tracks_in_slots_they_are_gains_per_second_and_what_is_known_of_the_track():
+def test_forecasts_of_tracks_in_slots_are_gains_per_second_and_the_state_of_the_track():
     env = gym.make_vec("wavegym/MultifunctionRadar-v0", num_envs=4, forecasts=True, slots=20).unwrapped
     env.reset(seed=0)
     for _ in range(30):

@@ -1,4 +1,4 @@
-"""The observation without a belief: what the sensors reported, and nothing that a tracker says."""
+"""The observation without a belief: measurements of the sensors, and nothing from a tracker."""
 
 from __future__ import annotations
 

@@ -186,7 +186,7 @@ OBSERVATIONS = arrays(np.float32, (6, 2 + 3 * 4), elements=st.floats(-10.0, 10.0
 
 
 @given(OBSERVATIONS)
-def test_what_was_seen_is_inside_and_what_is_far_outside_is_not(shown: np.ndarray) -> None:
+def test_observations_of_the_training_are_inside_its_range_and_far_ones_outside(shown: np.ndarray) -> None:
     """Two elements of its own, three candidates with four forecasts each."""
     found = TrainingRange.of(shown, 2, 4)
     assert found.low.shape == found.high.shape == (6,)
@@ -215,7 +215,7 @@ def test_joined_is_the_range_of_all(first: np.ndarray, second: np.ndarray) -> No
 
 
 def test_a_training_records_what_its_policy_observes(unbroken: dict[str, Path], tmp_path: Path) -> None:
-    """All of it and no more than an independent play finds; of all variants, where there are several."""
+    """The recorded range is exactly that of an independent play, over all variants if there are several."""
     found = {name: _range(unbroken[name]) for name in ("ppo", "dqn")}
     (policy,) = load_policy(unbroken["ppo"], ID, make_task(ID, {"horizon": ENVIRONMENT["horizon"]}).system)
     assert isinstance(policy, Trained)
@@ -248,7 +248,7 @@ def _observed(policy: Any, parameters: dict[str, Any]) -> np.ndarray:
 
 @pytest.mark.parametrize("name", AGENTS)
 def test_every_packaged_agent_has_a_range_that_its_test_worlds_keep(name: str) -> None:
-    """In all but a tenth of the decisions: then nobody is warned."""
+    """In at least nine tenths of the decisions, so that there is no warning."""
     run = json.loads((PRETRAINED / name / "run.json").read_text())
     environment = {**run["settings"]["environment"]}
     task = make_task(run["env"], environment)

@@ -1,4 +1,4 @@
-"""ONNX files choose what the networks in NumPy choose."""
+"""ONNX files make the same choices as the networks in NumPy."""
 
 from __future__ import annotations
 
@@ -198,7 +198,7 @@ class Shadowed:
 
 @pytest.mark.parametrize("name", KINDS)
 def test_an_exported_agent_plays_as_the_agent(name: str, tmp_path: Path) -> None:
-    """Up to choices between values that differ in the last bits: which is taken depends on the processor."""
+    """Except for choices between values that differ in the last bits: these depend on the processor."""
     env_id, (worlds, steps) = f"wavegym/{name.split('/')[0]}-v0", KINDS[name]
     given = {"slots": 32} if "Multifunction" in name else {}  # an ONNX file has a fixed size
     task, file = make_task(env_id, given), tmp_path / "mine.onnx"

@@ -41,7 +41,7 @@ def test_a_page_begins_with_picture_and_best_scores(monkeypatch):
     monkeypatch.setattr(module, "read_speeds", list)
     text = page("wavegym/SectorSetup-v0")
     picture, best, table = text.split("\n\n", 5)[2:5]
-    assert picture == "![an episode, step after step](../images/SectorSetup.webp)"
+    assert picture == "![an episode, step by step](../images/SectorSetup.webp)"
     known = recorded(make_task("wavegym/SectorSetup-v0", {}).system)
     against = f"Policies against the best heuristic, `{known['best-simple']}`"
     assert best.startswith(f"Best known: `{known['best-planner']}`. {against}")

@@ -31,7 +31,7 @@ def listed(system, belief):
 
 
 def held_to_all_actions(system, threshold):
-    """Of beliefs along a run: whether t could be had, whether it was, and how often the choice is the best of all."""
+    """Beliefs along a run: whether t can be reached, whether it was, and how often the choice is the best of all."""
     belief = beliefs(system)
     rows = np.arange(len(belief.step))
     share, total = listed(system, belief)
@@ -235,7 +235,7 @@ def most_information(system, belief):
 @pytest.mark.parametrize("starts", [0, 1])
 @pytest.mark.parametrize(("threshold", "best"), [(0.0, 1.0), (0.5, 1.0), (1.5, 0.5), (2.5, -0.5), (3.5, -0.6)])
 def test_a_constraint_is_met_where_it_is_tight(starts, threshold, best):
-    """Beyond a = 2 - t the second has too little; of 3.5 it never has enough, and both have most at a = -3/5."""
+    """Beyond a = 2 - t the second target has too little. It never has 3.5; the greatest least share is at a = -3/5."""
     belief = Level(np.zeros(2, int), np.zeros(2))
     policy = Continuous("information", starts)
     if threshold == 3.5:

@@ -223,7 +223,7 @@ THIN = np.array([[400.0, -399.0 * 3], [-399.0 * 3, 400.0 * 9]])
 
 @pytest.mark.parametrize("covariance", [S, 0.01 * S, np.array([THIN, S[1], 0.1 * THIN])])
 @pytest.mark.parametrize("density", [0.002, pytest.param(0.05, marks=pytest.mark.slow)])
-def test_a_gate_holds_exactly_the_points_of_the_field_inside_it(covariance, density):
+def test_a_gate_has_exactly_the_points_of_the_field_inside_it(covariance, density):
     """Small, large and slanted gates miss no cell: the whole field of the box around them is the reference."""
     reach = GATE * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     low, high = (CENTRE - reach).min(axis=0), (CENTRE + reach).max(axis=0)
@@ -237,7 +237,7 @@ def test_a_gate_holds_exactly_the_points_of_the_field_inside_it(covariance, dens
 
 
 @pytest.mark.parametrize("key", range(5))
-def test_whoever_looks_finds_the_same_points(key):
+def test_all_gates_find_the_same_points(key):
     """A larger gate, or another tracker's gate elsewhere, holds the same points where both look."""
     few = append(key, present=[True, False, False])
     centre, other = CENTRE[:1] + np.array([3.0, -2.0]), np.array([[[30.0, 5.0], [5.0, 12.0]]])

@@ -242,7 +242,7 @@ def test_beyond_it_the_measurement_is_ambiguous_not_an_error():
 
 @given(seed=st.integers(0, 2**31), value=st.floats(5, 495))
 def test_noisy_folds_are_resolved_by_maximum_likelihood(seed, value):
-    """Noise of .05 in cells of 1: against brute force over a fine grid of values."""
+    """Noise of 0.05 in cells of 1: against brute force over a fine grid of values."""
     noisy = value + np.random.default_rng(seed).normal(0, 0.05, 3)
     z = fold_range(np.abs(noisy), INTERVALS).apparent
     got = resolve_folds(z, INTERVALS, np.full(3, 0.05**2), 0.0, 504.0)

@@ -106,8 +106,8 @@ def whitened_moments(name: str, R: np.ndarray) -> np.ndarray:
 def test_maximum_likelihood_reaches_the_bound(name):
     """Covariance of range and range-rate errors in 1000 trials, at an SNR where the bound is reached.
 
-    Each moment of the whitened errors is within 5 standard errors, .22 for a variance, and their sum, chi-square of 2 x
-    trials, within its interval of 2e-5.
+    Each moment of the whitened errors is within 5 standard errors, 0.22 for a variance. Their sum, chi-square of 2 x
+    trials, is within its interval of 2e-5.
     """
     setting = SETTINGS[name]
     R = eclipsed(setting).measurement_covariance(C / 2 * setting.delay * UNIT, CARRIER) / ETA

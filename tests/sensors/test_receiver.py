@@ -304,9 +304,9 @@ def test_noise_has_unit_power_and_passes_the_threshold_as_often_as_theory_says(e
 
 
 @pytest.mark.parametrize("elements", [2, 3])
-def test_what_a_plane_wave_leaves_is_chi_square(elements):
-    """2 L numbers less those of amplitude, phase and direction, X = chi2 / (2 L - 3): the variance of the direction is
-    that of the bound times max(X, 1). Its mean, by the chi-square's own moments, within four standard errors.
+def test_the_rest_of_a_plane_wave_is_chi_square(elements):
+    """2 L numbers minus those of amplitude, phase and direction: X = chi2 / (2 L - 3). The variance of the direction is
+    that of the bound times max(X, 1). Its mean agrees with the moments of the chi-square within four standard errors.
     """
     array, rng, count, free = receiver(8, 0.5e-6, elements=elements), np.random.default_rng(0), 400, 2 * elements - 3
     factors = np.empty(count)

@@ -132,7 +132,7 @@ def test_candidates_are_a_loop_over_them_bit_for_bit(name, settings):
 
 @pytest.mark.parametrize("name", [*IN_CLUTTER[1:], "CameraSlew", "SectorSetup", "SectorSetupCity"])
 def test_a_gain_takes_a_wait_for_each_candidate(name):
-    """What it is worth, the tests of each system say."""
+    """The tests of each system check the value of the gain."""
     system = made(name, {})
     for state in played(system, oracles.worlds(system, 5), drawn(system, 5), system.horizon)[3::9]:
         wait = np.random.default_rng(2).integers(0, 4, size=(5, len(system.candidates())))
@@ -147,7 +147,7 @@ def test_a_gain_takes_a_wait_for_each_candidate(name):
 
 
 @EVERY
-def test_what_is_chosen_changes_no_world(name, settings):
+def test_no_action_changes_the_world(name, settings):
     """Targets and tapes are the same under other actions, although the belief is not."""
     system = made(name, settings)
     worlds, kept = oracles.worlds(system, 3), oracles.worlds(system, 3)
@@ -264,9 +264,9 @@ WORLDS: tuple[Variant, ...] = (
 
 @pytest.mark.parametrize(("name", "settings"), WORLDS, ids=str)
 def test_tracker_and_schedulers_keep_their_assumptions(name, settings):
-    """From one belief and the same measurements all is the same as in the world that is assumed; the targets are not.
+    """With one belief and the same measurements, all is the same as in the assumed world, except for the targets.
 
-    With first errors of another spread, the first covariance is the tracker's all the same.
+    If the first errors have another spread, the first covariance is still the tracker's.
     """
     other, own = made(name, settings), made(name, {**settings, "truth": None})
     worlds, actions, rng = oracles.worlds(own, 4), drawn(own, 4), np.random.default_rng(1)

@@ -1,4 +1,4 @@
-"""Kernels are compiled once for what planners hand to a system, whatever the layout of their arrays."""
+"""Kernels are compiled once for the arguments that planners pass to a system, for any layout of their arrays."""
 
 from __future__ import annotations
 

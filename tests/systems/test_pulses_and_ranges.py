@@ -24,7 +24,7 @@ TIMED = [id for id in SYSTEMS if isinstance(make_task(id, {}).system, TimedPulse
 def impossible(system):
     """Pulses whose echo the radar's own transmission cuts, or whose range folds, somewhere in the scenario.
 
-    Where the PRF is chosen, one of them has to see the nearest target; folds are the system's own matter.
+    If the PRF is chosen, one PRF must see the nearest target; the system itself handles folds.
     """
     (nearest, _), (farthest, _) = target_extent(system)
     blind = {label: 0.0 if system.bistatic else timing.blind_range for label, timing in system.timings.items()}

@@ -21,7 +21,7 @@ def test_effective_sample_size_and_ancestors_of_known_weights():
         np.testing.assert_allclose(weight, p, rtol=1e-12)
         np.testing.assert_allclose(effective, 1.0 / np.square(p).sum(), rtol=1e-12)
         assert kernels.systematic(0.5, weight, index) == len(set(index))
-    assert index.tolist() == [0, 0, 0, 2]  # (i + 1/2) / 4 = .125, .375, .625, .875 in shares ending .7, .8, .9, 1
+    assert index.tolist() == [0, 0, 0, 2]  # 0.125, 0.375, 0.625, 0.875 in shares that end at 0.7, 0.8, 0.9, 1
     assert kernels.normalise(np.full(4, -np.inf), weight) == 4.0
     assert (weight == 0.25).all()
 

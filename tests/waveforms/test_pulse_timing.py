@@ -86,7 +86,7 @@ def test_an_asymmetric_pulse_by_quadrature(share):
 
 
 def test_an_asymmetric_pulse_by_level():
-    """Ends of t exp(1 - t) > .1, by the equation itself."""
+    """Ends of t exp(1 - t) > 0.1, by the equation itself."""
     for end in transmitted_interval(Lopsided(), level_db=-20.0):
         assert end * math.exp(1 - end) == pytest.approx(0.1, rel=1e-5)  # the peak is that of 4097 times
 

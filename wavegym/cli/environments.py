@@ -1,4 +1,4 @@
-"""The subcommands ``list``, ``describe``, ``check`` and ``policies``: what there is, and what it takes."""
+"""The subcommands ``list``, ``describe``, ``check`` and ``policies``."""
 
 from __future__ import annotations
 

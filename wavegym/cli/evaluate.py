@@ -92,7 +92,7 @@ def task(options: Any) -> tuple[str, dict[str, Any]]:
 
 
 def policies(names: str) -> dict[str, Any]:
-    """The policies for ``compare``: None for what is known by its name, a Path for a folder or a file.
+    """The policies for ``compare``: None for a known name, a Path for a folder or a file.
 
     Raises:
         InputError: two policies of one name, or none at all.

@@ -19,7 +19,7 @@ from wavegym.core.errors import check_choice
 
 
 class Command(NamedTuple):
-    """A subcommand: what it does, and the function that takes its arguments."""
+    """A subcommand: its description, and the function that takes its arguments."""
 
     summary: str
     module: str

@@ -1,4 +1,4 @@
-"""The subcommand ``tracks``: what is in a recording of targets, and what of it can be played.
+"""The subcommand ``tracks``: the content of a recording of targets, and which parts can be played.
 
     wavegym tracks FILE.csv --out FOLDER
 

@@ -79,7 +79,7 @@ def unpack_arrays(content: bytes, limit: int = LIMIT) -> dict[str, Array]:
             return {name.removesuffix(MEMBER): _array(archive.read(name)) for name in archive.namelist()}
     except ValueError:
         raise
-    except Exception as error:  # whatever zipfile, zlib and NumPy raise for torn files
+    except Exception as error:  # any error of zipfile, zlib and NumPy for incomplete files
         raise ValueError(f"it is no npz file: {type(error).__name__}: {error}") from None
 
 

@@ -1,8 +1,8 @@
-"""Loops over arrays that all systems share, in compiled form: copies, boxes of actions, traces and checks of matrices.
+"""Compiled loops over arrays that all systems share: copies, boxes of actions, traces and checks of matrices.
 
-Copies: Numba compiles ``out[:] = source`` with a message for shapes that disagree, which takes three seconds in
-each kernel that holds such a line; these loops take none. A matrix is tested by its Cholesky factorisation, which takes
-less time than its eigenvalues; ``covariances.py`` holds the functions that raise, and the cost.
+Copies are loops because Numba takes three seconds to compile ``out[:] = source``: it adds a check of the shapes. A
+matrix is tested by its Cholesky factorisation, which is faster than its eigenvalues. ``covariances.py`` has the
+functions that raise errors, and the cost.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -63,9 +63,9 @@ def summed_weighted(P, weights, out):
 
 @kernel
 def decode(action, low, high, width, log, value):
-    """value (e, d): physical values of actions in [-1, 1] of a box; bounds and scales are (d,).
+    """Fill value (e, d) with the physical values of a box's actions in [-1, 1]; bounds and scales are (d,).
 
-    ``width`` is the logarithm's where ``log`` is True. Returns whether all actions were inside.
+    Where ``log`` is True, ``width`` is the width of the logarithm. Returns whether all actions are inside the box.
     """
     inside = True
     for e in range(action.shape[0]):
@@ -114,9 +114,9 @@ def factorises_one(e, A, slack, L, D, nn):
 
 @kernel
 def first_invalid(A, slack, nn):
-    """Index of the first of A (e, n, n) that is not finite, symmetric and, up to ``slack``, positive definite; or -1.
+    """Index of the first of A (e, n, n) that is not finite, symmetric and positive definite up to ``slack``, or -1.
 
-    slack = 0 asks for a positive definite matrix. slack = ROUNDING asks for a positive semidefinite one: the least
+    slack = 0 requires a positive definite matrix. slack = ROUNDING requires a positive semidefinite one: the least
     eigenvalue of its correlation matrix is above -ROUNDING.
     """
     L, D = np.empty((len(nn), len(nn))), np.empty(len(nn))

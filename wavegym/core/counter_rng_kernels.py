@@ -1,9 +1,9 @@
 """Random numbers without state for compiled kernels: SplitMix64 by counter (Steele, Lea and Flood, OOPSLA 2014).
 
 Draw ``i`` of a key is the i-th output of SplitMix64 seeded with that key, computed directly. A draw therefore depends
-on its key and its index alone, not on earlier draws: a kernel that needs fewer numbers changes no other draw.
-Keys are made by chaining: ``stream(stream(key, step), sensor)``. Everything is cast to uint64, because Numba
-converts uint64 combined with int64 to float64; negative integers wrap.
+on its key and its index alone, not on earlier draws: a kernel that needs fewer numbers changes no other draw. Keys are
+chained: ``stream(stream(key, step), sensor)``. Everything is cast to uint64, because Numba converts the combination of
+uint64 and int64 to float64. Negative integers wrap.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -16,7 +16,7 @@ import numpy as np
 from wavegym.core.kernels import inlined, kernel
 
 _GAMMA = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio: the step of the paper's counter
-_STREAM = np.uint64(0xD1342543DE82EF95)  # another step, so that no key is also a draw (multiplier of Steele and Vigna)
+_STREAM = np.uint64(0xD1342543DE82EF95)  # another step, so that no key equals a draw (multiplier of Steele and Vigna)
 _FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _ONE, _12, _27, _30, _31 = (np.uint64(n) for n in (1, 12, 27, 30, 31))
 _LOG = tuple(2.0 / (2 * k + 1) for k in range(11, -1, -1))  # ln((1 + t) / (1 - t)) / t in t^2, |t| < 0.172
@@ -44,7 +44,7 @@ def stream(key, a):
 def uniform(key, i):
     """Draw i of ``key``, uniform over the odd multiples of 2^-53 in (0, 1): symmetric about 1/2, never 0 or 1."""
     bits = mix(np.uint64(key) + (np.uint64(i) + _ONE) * _GAMMA) >> _12
-    return (np.float64(np.int64(bits)) + 0.5) * 2.0**-52  # from int64, because processors convert that faster
+    return (np.float64(np.int64(bits)) + 0.5) * 2.0**-52  # via int64, which processors convert faster
 
 
 @kernel
@@ -166,8 +166,8 @@ def _polynomial(r, c0, c1, c2, c3, c4, c5, c6, c7):
 def fill_normals(key, first, out):
     """Fill out (n,) with independent standard normals: Box and Muller's transform of draws first to first + n - 1.
 
-    Draws 2 i and 2 i + 1 of ``key`` make numbers 2 i and 2 i + 1; ``first`` and n are even. The loops have no branches
-    and call no library, so that LLVM makes vector instructions of them: 2 ns for a number, and 10 ns with ``normal``.
+    Draws 2 i and 2 i + 1 of ``key`` give numbers 2 i and 2 i + 1; ``first`` and n are even. LLVM vectorises the loops,
+    because they have no branches and call no library: a number takes 2 ns, and 10 ns with ``normal``.
     """
     room = np.empty((4, len(out) // 2))
     radius, turn, cosine, sine = room[0], room[1], room[2], room[3]

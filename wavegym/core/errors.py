@@ -28,7 +28,7 @@ class WrongTypeError(InputError, TypeError):
 
 
 class InputWarning(UserWarning):
-    """What a user should know of the input, but may intend. The message is one line; command lines print it so."""
+    """Something about the input that a user should know but may have intended. The message is one line."""
 
 
 def nearest(value: object, choices: Iterable[str]) -> str:

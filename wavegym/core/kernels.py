@@ -43,7 +43,7 @@ def _caches() -> Path:
 def _sources(module: str, named: str = "kernels.py") -> frozenset[Path]:
     """The file of an imported module, and those of all modules of kernels that it imports.
 
-    Nothing if the module's file is not named so; the first may have any name.
+    The first module's file may have any name. Other modules count only if their file has the name of a kernel file.
     """
     loaded = sys.modules.get(module)
     file = Path(getattr(loaded, "__file__", None) or "")
@@ -69,14 +69,14 @@ def _cache_folder(module: str) -> str:
 
 
 class _Locator(caching._CacheLocator):
-    """Where Numba finds the compiled code of a function: in the folder of its module, whatever the checkout's path."""
+    """Tells Numba where compiled code is: in the folder of its module, whatever the checkout's path."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
 
     @classmethod
     def from_function(cls, function: Callable[..., Any], file: str) -> _Locator:
-        """Numba's way to make one."""
+        """Called by Numba to make a locator."""
         return cls(function)
 
     def get_cache_path(self) -> str:
@@ -88,7 +88,7 @@ class _Locator(caching._CacheLocator):
         return ""
 
     def get_disambiguator(self) -> str:
-        """Tells functions of one name apart."""
+        """Distinguishes functions of the same name."""
         return f"{self._function.__module__}-{self._function.__code__.co_firstlineno}"
 
 
@@ -111,7 +111,7 @@ class _Files(caching.IndexDataCacheFile):
 
 
 class _Found(caching.CompileResultCacheImpl):
-    """Numba's rules of what can be cached, with the folder above."""
+    """Numba's rules for what can be cached, with the folder of ``_Locator``."""
 
     _locator_classes: Any = [_Locator]
 
@@ -169,7 +169,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """As ``kernel``, but inlined: for small functions in inner loops, as a call passes an array as many arguments."""
+    """As ``kernel``, but inlined: for small functions in inner loops. A call expands an array to many arguments."""
     return _compiled(function, inline=True)
 
 
@@ -183,7 +183,7 @@ def _compiled(function: Callable[..., Any], inline: bool) -> Any:
 def _without_literals(dispatcher: Any) -> Any:
     """Make kernels that call ``dispatcher`` with constants use the version for all values of their types.
 
-    Numba compiles one more version for each constant argument, which took a fifth of the time until a first step.
+    Numba would compile another version for each constant argument. That took a fifth of the time until a first step.
     """
     resolve = dispatcher.get_call_template
 
@@ -198,9 +198,10 @@ def batched(signature: str) -> Callable[[Callable[..., None]], Callable[..., Any
     """Lift a kernel over one flat leading axis to any leading axes that broadcast, like a NumPy function.
 
     Args:
-        signature: core dimensions in NumPy's notation, ``"(n),(n,n)->(n)"``. The kernel is given C-contiguous float64
-            inputs and empty outputs, each with one leading axis, and fills the outputs. After them it is given, for
-            each named dimension in order of appearance, a tuple of that many zeros: its length is known when compiling.
+        signature: core dimensions in NumPy's notation, ``"(n),(n,n)->(n)"``. The kernel receives C-contiguous float64
+            inputs and empty outputs, each with one leading axis, and fills the outputs. The next arguments are tuples
+            of zeros, one for each named dimension in order of appearance. The length of a tuple is the size of the
+            dimension, and the compiler knows it.
 
     Returns:
         A decorator. The decorated function takes array-likes and returns one array, or a tuple of several.
@@ -258,11 +259,11 @@ class _Plan(NamedTuple):
     whole: list[tuple[int, ...]]  # each argument's shape after broadcasting
     flat: list[tuple[int, ...]]  # each argument's shape with its leading axes flattened
     outputs: list[tuple[int, ...]]
-    dimensions: list[tuple[int, ...]]  # for each named core dimension, a tuple of that many zeros
+    dimensions: list[tuple[int, ...]]  # a tuple of zeros for each named core dimension; its length is the size
 
 
 def _plan(cores_in: list[list[str]], cores_out: list[list[str]], shapes: tuple[tuple[int, ...], ...]) -> _Plan:
-    """Match shapes with the signature; ValueError where they do not fit."""
+    """Match shapes with the signature; ValueError if they do not fit."""
     sizes: dict[str, int] = {}
     leads = []
     for core, shape in zip(cores_in, shapes, strict=True):

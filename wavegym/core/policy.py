@@ -18,7 +18,7 @@ class Policy(Protocol):
     """Chooses the actions of a batch of environments."""
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """Prepare for a batch of new episodes; a policy's own randomness, if any, comes from ``rng``."""
+        """Prepare for a batch of new episodes; ``rng`` is the source of a policy's own randomness, if any."""
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """Actions (env, ...).
@@ -40,7 +40,7 @@ class Clairvoyant(Policy, Protocol):
 
 @runtime_checkable
 class Trained(Policy, Protocol):
-    """A policy that knows the range of what it observed in its training."""
+    """A policy with the range of its observations in training."""
 
     def is_outside_training(self) -> Array | None:
         """Whether the observations of its last decision were outside that range, (env,) bool; None: no record."""

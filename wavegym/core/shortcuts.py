@@ -83,7 +83,7 @@ class Shortcut(Generic[P, R]):
         return registered
 
     def withdraw(self, cls: type) -> None:
-        """Systems of this class do not have it, whatever their base class has."""
+        """Systems of this class do not have the shortcut, even if their base class has it."""
         self._put(cls, None)
 
     def _put(self, cls: type, function: Callable[..., R] | None) -> None:
@@ -235,8 +235,9 @@ def gain_per_second(system: Any, belief: Any, *args: Any) -> Array:  # type: ign
     """The reduction of the later cost by each candidate's step, per second of its duration, (env, candidate).
 
     The one-step scheduler takes the candidate with the greatest gain, because costs of steps of different lengths are
-    not comparable. With ``TrackSlots`` the further arguments are ``ahead``, the seconds that count after an update
-    (several make a last axis), and ``worth``, the value of a target that a search finds, in seconds of its full cost.
+    not comparable. With ``TrackSlots`` there are two more arguments. ``ahead`` are the seconds that count after an
+    update; several values make a last axis. ``worth`` is the value of a target found by a search, in seconds of its
+    full cost.
     """
 
 

@@ -89,7 +89,7 @@ class System:
     )
 
     def __getstate__(self) -> dict[str, Any]:
-        """What a pickle holds: all but cached properties, so that it and its hash do not depend on earlier use."""
+        """A pickle has everything except cached properties, so that it and its hash do not depend on earlier use."""
         kept = vars(self).items()
         return {name: value for name, value in kept if not isinstance(getattr(type(self), name, None), cached_property)}
 

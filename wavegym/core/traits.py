@@ -33,15 +33,15 @@ class TrackSlots(ABC):
     def slots_now(self, belief: Any) -> Array:
         """The belief about each slot now, (env, slot, column); all 0 where it is free.
 
-        Columns: probability of existence, range (m), azimuth (rad), standard deviation of the azimuth in beam widths,
-        that of the position (m) and of the velocity (m/s), seconds since the last update, expected density of the
-        acceleration (m^2/s^3), and E/N0 of a second of transmission.
+        Columns: probability of existence, range (m), azimuth (rad); standard deviations of the azimuth (beam widths),
+        the position (m) and the velocity (m/s); seconds since the last update; expected density of the acceleration
+        (m^2/s^3); and E/N0 of a second of transmission.
         """
 
     @property
     @abstractmethod
     def dwells(self) -> Any:
-        """What each candidate does, a ``wavegym.systems.multifunction_radar.actions.Dwells``."""
+        """The dwell of each candidate, a ``wavegym.systems.multifunction_radar.actions.Dwells``."""
 
 
 class DwellRule(NamedTuple):

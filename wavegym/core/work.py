@@ -51,7 +51,7 @@ class Parts:
         self.folder, self.kind = folder, kind
 
     def key(self, call: Call) -> str:
-        """What tells a call from all others. It must be asked for before the call, which may change its arguments."""
+        """What distinguishes a call from all others. Compute it before the call, which may change its arguments."""
         return str(joblib.hash((call.function.__qualname__, call.arguments)))
 
     def get(self, key: str) -> Any:
@@ -166,7 +166,7 @@ def _in_worker(
 
 
 def _end_with(parent: int | None) -> None:
-    """End this process when its parent does, whatever it is doing then."""
+    """End this process when its parent ends, whatever it is doing."""
     if any(thread.name == __name__ for thread in threading.enumerate()):
         return
 
@@ -179,7 +179,7 @@ def _end_with(parent: int | None) -> None:
 
 
 def _exit_codes(error: TerminatedWorkerError) -> str:
-    """What joblib says of the exit codes, without its advice."""
+    """joblib's message about exit codes, without its advice."""
     _, _, told = str(error).partition("exit codes of the workers are ")
     return told.partition("\n")[0].strip("{}. ") or "exit code not known"
 
@@ -196,7 +196,7 @@ def add_worker_options(parser: Any, jobs: int = -1, what: str = "processes") -> 
 
 @contextmanager
 def workers(options: Any) -> Iterator[None]:
-    """Run what is handed out inside where the options of ``add_worker_options`` say.
+    """Run the work inside where the options of ``add_worker_options`` say.
 
     Raises:
         InputError: an unknown backend, an address without Ray; see ``cluster``.

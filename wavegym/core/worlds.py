@@ -19,7 +19,7 @@ from wavegym.core.system import System
 
 SPLITS = ("train", "tune", "test")
 WORDS = 4  # of 32 bits in a seed: two of 128 bits never meet by chance
-TUNING_STEPS, LEAST_WORLDS, MOST_WORLDS = 20_000, 20, 200  # of tuning: long episodes say more each
+TUNING_STEPS, LEAST_WORLDS, MOST_WORLDS = 20_000, 20, 200  # of tuning: a long episode has more information
 
 
 def word(text: str) -> int:
@@ -62,7 +62,7 @@ def draw_worlds(system: System, seeds: Sequence[int]) -> Any:
 
 
 def tuning_worlds(system: System) -> int:
-    """How many worlds policies are tuned on: as many episodes as hold TUNING_STEPS steps, within bounds."""
+    """The number of tuning worlds: their episodes have about TUNING_STEPS steps together, within bounds."""
     return min(max(TUNING_STEPS // system.horizon, LEAST_WORLDS), MOST_WORLDS)
 
 

@@ -1,4 +1,4 @@
-"""Checks of actions in compiled form: they run in every step of every environment."""
+"""Compiled checks of actions, which run in every step of every environment."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -28,7 +28,7 @@ def first_forbidden(actions, mask, ignored):
 
 @kernel
 def clip(points):
-    """Clip points (e, d) to [-1, 1] in place, up to the first one that is not finite; returns whether all are."""
+    """Clip points (e, d) to [-1, 1] in place, up to the first that is not finite; returns whether all are finite."""
     for e in range(points.shape[0]):
         for i in range(points.shape[1]):
             if not np.isfinite(points[e, i]):

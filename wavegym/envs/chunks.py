@@ -1,4 +1,4 @@
-"""A batch in chunks, one for each thread; kernels run without the interpreter's lock, so chunks can go side by side."""
+"""A batch in chunks, one for each thread; kernels run without the interpreter's lock, so chunks run in parallel."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from wavegym.core.arrays import Array
 
 
 def in_chunks(function: Callable[[Any], Any], batch: Any, count: int, threads: int) -> Any:
-    """``function(batch)``, computed for up to ``threads`` chunks of consecutive environments side by side.
+    """``function(batch)``, computed for up to ``threads`` chunks of consecutive environments in parallel.
 
-    What the function returns for a batch must be what it returns for its chunks, one after another, as all systems and
-    rewards promise: then results are the same bits for any number of threads.
+    The result for a batch must be the results for its chunks, one after another, as all systems and rewards promise.
+    Then results have the same bits for any number of threads.
 
     Args:
         function: from a tree of arrays to a tree, which may have dicts as nodes; axis 0 = environment in both.
@@ -49,7 +49,7 @@ def in_chunks(function: Callable[[Any], Any], batch: Any, count: int, threads: i
 
 
 class _Whole:
-    """The results of all chunks in one tree; each thread copies its own, so that copying takes no longer either."""
+    """The results of all chunks in one tree. Each thread copies its own results, so that copying is also parallel."""
 
     def __init__(self, count: int, given: list[Array]) -> None:
         self.tree: Any = None

@@ -28,26 +28,26 @@ Info = dict[str, Array]  # state info or transition info, each value (env, ...)
 
 
 class Begun(NamedTuple):
-    """What new episodes begin with."""
+    """The beginning of new episodes."""
 
     state: State
     memory: Any  # the reward's
 
 
 class Before(NamedTuple):
-    """What a step of a batch begins with."""
+    """The state of a batch before a step."""
 
     state: State
     actions: Array
     world: Any
     memory: Any  # the reward's
-    shown: Array | None  # what a MeasurementObserver shows
-    measured: Any  # what the sensors report in the step, where somebody asks for it
+    shown: Array | None  # the observation of a MeasurementObserver
+    measured: Any  # the measurements of the step, if requested
     keep: Array | None  # environments that wait, (env,) bool
 
 
 class After(NamedTuple):
-    """What a step of a batch ends with."""
+    """The state of a batch after a step."""
 
     state: State
     shown: Array | None
@@ -58,15 +58,15 @@ class After(NamedTuple):
 
 
 class Episodes:
-    """``num_envs`` episodes side by side, each with its own generator of worlds.
+    """``num_envs`` parallel episodes, each with its own generator of worlds.
 
     Args:
         system: the closed loop.
         num_envs: number of episodes.
         reward: scores each step.
         forecasts: whether observations also hold forecasts of each candidate.
-        measurements: whether a step also returns what the sensors reported.
-        observation: "belief", or "measurements" for what the sensors reported alone.
+        measurements: whether a step also returns the measurements of the sensors.
+        observation: "belief", or "measurements" for the measurements of the sensors alone.
         num_threads: number of threads in which the episodes advance.
 
     Raises:
@@ -125,11 +125,11 @@ class Episodes:
             self._shown = _replaced(self._shown, rows, self.observer.first(self.state.belief))
 
     def _begun(self, world: Any) -> Begun:
-        """The initial states of worlds, and what the reward remembers of them."""
+        """The initial states of worlds, and the memory of the reward."""
         return Begun(self.system.initial(world), self.reward.begin(self.system, world))
 
     def generator(self, row: int) -> np.random.Generator:
-        """The generator of one environment's worlds, seeded at random where no seed was given."""
+        """The generator of one environment's worlds; without a seed it is seeded at random."""
         generator = self.generators[row]
         if generator is None:
             generator, self.seeds[row] = seeding.np_random()
@@ -164,8 +164,8 @@ class Episodes:
     def _observed(self, state: State, shown: Array | None) -> tuple[Array, Info]:
         """``observe`` of a state.
 
-        Costs and key figures reach info uncopied, so a system must return fresh arrays, not views of its state
-        (``check_vector_env`` finds systems that do not).
+        Costs and key figures are not copied into info, so a system must return fresh arrays, not views of its state
+        (``check_vector_env`` finds systems that return views).
         """
         observation, saturated = self.observer(state.belief if shown is None else shown)
         cost = self.system.cost(state.belief)
@@ -202,7 +202,7 @@ class Episodes:
         return After(following, shown, observation, state_info, reward, terms)
 
     def _measured(self, actions: Array) -> Any:
-        """What the sensors report in a step, of all environments: scans have as many places as the fullest."""
+        """The measurements of a step in all environments; all scans have the length of the longest one."""
         truth = self.system.move(self.state.truth, self.state.belief.step, self.world)
         return self.system.measure(truth, self.state.belief, actions, self.world)
 
@@ -213,7 +213,7 @@ def _replaced(old: Array | None, rows: Array, new: Array) -> Array:
 
 
 def make_observer(system: System, observation: str, forecasts: bool = False) -> Observer | MeasurementObserver:
-    """What makes the observations of an environment.
+    """The object that makes the observations of an environment.
 
     Args:
         system: the closed loop.

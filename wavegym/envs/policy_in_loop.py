@@ -1,4 +1,4 @@
-"""Any scheduler or agent in a loop of the user's own."""
+"""Any scheduler or agent in a user's own loop."""
 
 from __future__ import annotations
 

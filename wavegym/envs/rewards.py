@@ -1,7 +1,7 @@
 """Rewards of environments, by name or as an object: minus the cost by default, others for training.
 
-The reported cost (``info["cost"]``) is that of the system, whatever the reward. A reward keeps no state of its own:
-``begin`` makes its memory of a world, and the environment keeps that memory and hands it back at every step.
+The reported cost (``info["cost"]``) is that of the system, for every reward. A reward keeps no state: ``begin`` makes
+its memory of a world, and the environment keeps this memory and passes it to the reward at every step.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Reward(Protocol):
 
 
 class Cost:
-    """Minus the cost of the system, exactly: -trace(Lambda P) where no track can be lost."""
+    """Minus the cost of the system, exactly: -trace(Lambda P) if no track can be lost."""
 
     def begin(self, system: System, world: Any) -> None:
         """Nothing to remember."""
@@ -58,7 +58,7 @@ class Cost:
 
 
 class CostInTargets(Cost):
-    """Minus the cost over c0: seconds of one target that nobody sees. For systems with a parameter ``c0``."""
+    """Minus the cost divided by c0, in seconds of one unseen target. For systems with a parameter ``c0``."""
 
     def begin(self, system: System, world: Any) -> None:
         """Nothing to remember. Raises an InputError where the system has no c0."""
@@ -73,11 +73,11 @@ class CostInTargets(Cost):
 
 
 class ShapedCost(Cost):
-    """Minus the cost over c0, and minus what the dwell adds to the cost that is to come if the beam rests.
+    """Minus the cost divided by c0, and minus the change of the cost to come if the beam rests.
 
-    Potential-based shaping (Ng, Harada and Russell, 1999): a dwell is credited with the predicted cost it saves in the
-    coming seconds, so that an agent need not find its effect among those of the next hundred dwells. The sum over an
-    episode is that of "cost-in-targets" but for the ends.
+    This is potential-based shaping (Ng, Harada and Russell, 1999): a dwell is credited with the predicted cost it
+    saves. So an agent need not find its effect among those of the next hundred dwells. The sum over an episode is that
+    of "cost-in-targets", except for the two ends.
     """
 
     SECONDS = 0.7  # a usual time between two updates of a track
@@ -105,7 +105,7 @@ class LogCost(Cost):
 
 
 class Trace(Cost):
-    """-trace(Lambda P) summed over the targets, whatever the cost of the system is."""
+    """-trace(Lambda P) summed over the targets, also in a system with another cost."""
 
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""
@@ -165,7 +165,7 @@ class Relative:
     """Gain over a reference policy on the same world and draws, step by step.
 
     The reference plays its own trajectory. A one-step regret from the agent's state would make the myopic choice
-    optimal by construction. After the end of the reference's episode its last cost stands.
+    optimal by construction. After the end of the reference's episode its last cost counts.
 
     Args:
         reference: the policy to compare with, or the name of a heuristic whose constants are recorded for the system,
@@ -192,8 +192,8 @@ class Relative:
         Nothing is tuned here: agents trained on differently tuned rewards could not be compared.
 
         Raises:
-            InputError: a heuristic without recorded constants; or steps that differ in length, after which agent and
-                reference are no longer at the same time.
+            InputError: a heuristic without recorded constants; or steps of different length, after which the times of
+                agent and reference differ.
         """
         reference = self.reference
         if isinstance(system, UnequalSteps):

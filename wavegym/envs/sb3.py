@@ -31,7 +31,7 @@ NESTED = ("final_obs", "final_info")
 
 
 class BatchedVecEnv(VecEnv):
-    """Environments that share a batch: what holds for all of them together."""
+    """The common part of environments that share a batch."""
 
     def seed(self, seed: int | Sequence[int | None] | None = None) -> Sequence[int | None]:
         """Seeds for the next reset: s (environment i gets s + i), a list, or None (drawn from NumPy's global state)."""

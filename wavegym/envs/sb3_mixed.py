@@ -61,7 +61,7 @@ class SB3MixedVecEnv(BatchedVecEnv):
         return (*(np.concatenate(rows) for rows in (observations, rewards, dones)), [i for own in infos for i in own])  # type: ignore[return-value]
 
     def saved(self) -> Any:
-        """What each part saves."""
+        """The saved state of each part."""
         return [part.saved() for part in self.parts]
 
     def restore(self, saved: Any) -> None:

@@ -110,7 +110,7 @@ def _first(info: dict[str, Array]) -> dict[str, Any]:
 def make_env(
     system: System | type[System] | str, *, registered: Mapping[str, Any] | None = None, **given: Any
 ) -> WaveformEnv:
-    """What ``gym.make`` calls: a single environment.
+    """A single environment; called by ``gym.make``.
 
     Args:
         system: see ``WaveformVectorEnv``.

@@ -183,7 +183,7 @@ class WaveformVectorEnv(VectorEnv):
         return observation, reward, *endings(self.system, belief, self.max_episode_steps), state_info, transition_info
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """What a method, or an attribute, of each single environment would give, as in SyncVectorEnv.
+        """The result of a method or attribute of each single environment, as in SyncVectorEnv.
 
         Raises:
             AttributeError: there is none of this name.
@@ -271,7 +271,7 @@ class WaveformVectorEnv(VectorEnv):
 def make_vector_env(
     system: System | type[System] | str, num_envs: int = 1, *, registered: Mapping[str, Any] | None = None, **given: Any
 ) -> WaveformVectorEnv:
-    """What ``gym.make_vec`` calls: a vector environment; see ``wavegym.envs.single.make_env``."""
+    """A vector environment; called by ``gym.make_vec``. See ``wavegym.envs.single.make_env``."""
     return WaveformVectorEnv(system, num_envs, **with_scenario(system, registered or {}, given))
 
 

@@ -51,7 +51,7 @@ class Factory:
 def as_policy(
     given: Any, env: Task | str | None = None, *, name: str = "", trust: bool = False, **parameters: Any
 ) -> Policy:
-    """A Policy of whatever chooses actions.
+    """A ``Policy`` made of anything that chooses actions.
 
     Args:
         given: a Policy; a function (observation) -> actions, of observations (env, fields) float32 and actions
@@ -144,11 +144,11 @@ def _tapes(task: Task, tapes: Any) -> Any:
 
 
 class _Adapted:
-    """What chooses from observations alone; its actions are checked.
+    """A policy that chooses from observations alone; its actions are checked.
 
     Args:
         name: of the policy, in error messages.
-        fields: length of the observations that it was made for; None for whatever the environment shows.
+        fields: length of the observations that it was made for; None for any length.
     """
 
     def __init__(self, name: str, fields: int | None = None) -> None:
@@ -238,9 +238,9 @@ class FunctionPolicy(_Adapted):
 class PredictPolicy(_Adapted):
     """An object with ``predict`` as a Policy: a model or a policy of Stable-Baselines3 or sb3-contrib, or one's own.
 
-    ``predict(observation)`` is given whatever it takes of ``state`` (its own, of the last call), ``episode_start``
-    (env,) bool, ``deterministic=True`` and ``action_masks`` (env, actions) bool. It returns the actions, or a pair of
-    them and a state.
+    ``predict(observation)`` also receives those of the following arguments that it accepts: ``state`` (its own, of the
+    last call), ``episode_start`` (env,) bool, ``deterministic=True`` and ``action_masks`` (env, actions) bool. It
+    returns the actions, or a pair of them and a state.
 
     Args:
         model: the object.

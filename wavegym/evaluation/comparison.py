@@ -25,7 +25,7 @@ from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 BASELINE = "myopic"
 FLOOR = "random"
 MOST_OUTSIDE = 0.1  # share of decisions on observations outside a policy's training without a warning
-CHUNK = 50  # worlds played as one batch, whatever the number of jobs: a network's last bits depend on its batch
+CHUNK = 50  # worlds in one batch, for any number of jobs: a network's last bits depend on its batch
 
 
 @dataclass(frozen=True, repr=False)
@@ -80,16 +80,16 @@ def compare(
 
     Args:
         env_id: a registered id.
-        policies: by name, each whatever ``as_policy`` takes, or a sequence of it: the training runs of one agent.
-            None stands for the scheduler, the saved agent, or the system's baseline, of that name; a list of names
-            is short for that. The baseline ``myopic`` is added if absent.
+        policies: by name, each anything that ``as_policy`` takes, or a sequence of it: the training runs of one agent.
+            None stands for the scheduler, the saved agent, or the system's baseline, of that name; a list of names is
+            short for that. The baseline ``myopic`` is added if absent.
         worlds: how many.
         seed: worlds, tuning worlds and the policies' own randomness follow from it.
         jobs: processes; -1 = one for each core.
         progress: show a bar on a terminal.
         trust: whether code in saved models and in ``"package.module:factory"`` may run.
-        keep: a folder, for results; a hidden folder in it keeps what was played until the call ends, so that the same
-            call goes on after an interruption.
+        keep: a folder for results. Until the call ends, a hidden folder in it keeps the finished parts, so that the
+            same call continues after an interruption.
         **parameters: of the system, other than the registered ones.
 
     Raises:
@@ -130,7 +130,7 @@ def by_name(policies: Any) -> Mapping[str, Given | None]:
 
 
 def _check_finite(comparison: Comparison) -> None:
-    """Raise an InputError for the first policy with a cost that no mean can be taken of."""
+    """Raise an InputError for the first policy whose costs have no mean."""
     for name in comparison.played:
         cost = comparison.cost(name)
         broken = int((~np.isfinite(cost)).any(axis=0).sum())

@@ -1,9 +1,9 @@
 """Belief against truth: whether a tracker's errors are as large as it says, and whether both rank policies alike.
 
-The normalised estimation error squared (NEES) of a consistent tracker with n elements of error has the mean n and, for
-Gaussian errors, a chi-square distribution with n degrees of freedom (Bar-Shalom, Li and Kirubarajan, *Estimation with
-Applications to Tracking and Navigation*, 2001, section 5.4.2). The steps of an episode are correlated, so the interval
-of a mean over steps is a bootstrap over worlds.
+The normalised estimation error squared (NEES) of a consistent tracker has the mean n, the number of elements of the
+error. If errors are Gaussian, it is chi-square distributed with n degrees of freedom (Bar-Shalom, Li and Kirubarajan,
+*Estimation with Applications to Tracking and Navigation*, 2001, section 5.4.2). The steps of an episode are correlated,
+so the interval of a mean over steps is a bootstrap over worlds.
 """
 
 from __future__ import annotations

@@ -25,10 +25,10 @@ def csv_text(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 def write_whole(folder: Path, contents: Mapping[str, bytes]) -> None:
     """Write all files or, on any error, none: earlier ones then stay as they were.
 
-    Every file is first written in full and flushed to the disk beside its destination; only when all are there do they
-    take their names, in the order given. A kill or a power cut between two of these renames leaves the first files new
-    and the others as they were, each of them whole, so the file that describes the others belongs last. An earlier kill
-    leaves hidden ``.part`` files.
+    Every file is first written in full beside its destination and flushed to the disk. Then all files get their names,
+    in the order given. If the process is killed between two of these renames, the first files are new and the others
+    old, each of them whole. So the file that describes the others belongs last. An earlier kill leaves hidden ``.part``
+    files.
 
     Raises:
         InputError: a folder stands where a file is to be written.

@@ -58,14 +58,14 @@ LONGEST = 100  # greatest horizon for plan-once
 
 
 class Kept(NamedTuple):
-    """What is on file of policies that are not played again."""
+    """The stored results of policies that are not played again."""
 
     by_policy: dict[str, EpisodeResults]
     rows: dict[str, Any]  # of ID.json, by policy
 
     @classmethod
     def of(cls, folder: Path, name: str, again: Sequence[str], seed: int, worlds: int) -> Kept:
-        """The policies in a folder's ``name.json`` and ``name.csv.xz`` but for ``again``.
+        """The policies in a folder's ``name.json`` and ``name.csv.xz``, except for those of ``again``.
 
         Raises:
             InputError: a missing file, or one of other worlds.

@@ -135,7 +135,7 @@ def _draw_differences(
 
 
 def _stretch(set_scale: Callable[..., None], set_limits: Callable[..., Any], axis: Axis, interval: Array) -> None:
-    """Show small differences beside large ones: an axis linear up to NEAR per cent, logarithmic beyond."""
+    """Show small and large differences together: the axis is linear up to NEAR per cent, logarithmic beyond."""
     low, high = interval
     if high <= FAR:
         return

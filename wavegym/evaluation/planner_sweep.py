@@ -51,7 +51,7 @@ class Setting(NamedTuple):
 
     @property
     def work(self) -> float:
-        """What a decision takes, in units that depend on the family."""
+        """The work of a decision, in units that depend on the family."""
         depth = float(self.depth or 1)
         if self.planner.startswith("lookahead"):  # as a system's own plan grows; sequences are tried for few depths
             return depth * depth
@@ -60,7 +60,7 @@ class Setting(NamedTuple):
 
 
 class Swept(NamedTuple):
-    """What a setting costs, relative to the best heuristic on the same worlds."""
+    """The cost of a setting, relative to the best heuristic on the same worlds."""
 
     setting: Setting
     worlds: int
@@ -141,8 +141,8 @@ def sweep(
 ) -> list[Swept]:
     """Play as many settings as the budget allows.
 
-    A setting is played if it is expected to take at most a quarter of the budget and what is left, judged by the last
-    one of its family. Each family's setting of least work is tried on two worlds before.
+    A setting is played if its expected time is at most a quarter of the budget and at most the remaining budget. The
+    last setting of its family gives the expectation. The cheapest setting of each family is first tried on two worlds.
 
     Args:
         system: the closed loop.

@@ -24,7 +24,7 @@ class Played(NamedTuple):
 
     cost: Array  # (world, H) after each step; NaN past an episode's end
     steps: Array  # (world,) int, length of the episode
-    span: Array  # (world,) what means are over: steps, or seconds where steps differ in length
+    span: Array  # (world,) the divisor of means: steps, or seconds if steps differ in length
     rmse: Array  # (world,) root mean square position error over steps and the targets present, m
     target_rmse: Array  # (world, target) the same of each target, over the steps at which it was present
     believed_rmse: Array  # (world,) what the tracker believes rmse to be, from ``position_variance``, m
@@ -111,11 +111,11 @@ def play(
         task: the system and its parameters.
         policy: a scheduler or an agent. A clairvoyant one has a method ``reveal(world)``.
         seeds: of the worlds.
-        max_steps: stop after so many steps, even if episodes are unfinished.
+        max_steps: stop after this number of steps, even if episodes are unfinished.
         name: of the policy, in error messages.
-        watch: called after the reset and after each step with the environment, the info with what the sensors measured
-            (where the system measures apart from tracking), and the worlds that are still in their first episode, bool
-            (world,).
+        watch: called after the reset and after each step with the environment, the info, and the worlds that are still
+            in their first episode, bool (world,). The info has the measurements if the system separates them from
+            tracking.
 
     Raises:
         InputError: an action that the environment refuses.
@@ -152,7 +152,7 @@ def play(
 
 
 def _outside_training(policy: Policy, running: Array) -> Array:
-    """1 where a running world's observation is outside the policy's training, (world,); NaN where nobody knows."""
+    """1 if a running world's observation is outside the policy's training, (world,); NaN if this is unknown."""
     left = policy.is_outside_training() if isinstance(policy, Trained) else None
     return np.full(len(running), np.nan) if left is None else 1.0 * (left & running)
 
@@ -272,7 +272,7 @@ def merged(parts: Sequence[Played]) -> Played:
 
 
 def _lengthened(part: Played, steps: int) -> Played:
-    """With so many steps past the end of every episode."""
+    """With this number of steps after the end of every episode."""
     gap = ((0, 0), (0, steps))
     return part._replace(
         cost=np.pad(part.cost, gap, constant_values=np.nan),

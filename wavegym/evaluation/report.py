@@ -55,7 +55,7 @@ def episodes(comparison: Comparison) -> str:
     """``episodes.csv``: a row per policy, member and world, with every digit; the same for any number of jobs.
 
     ``env.reset(seed=[seed])`` replays the world. ``cost`` to ``outside`` are the ``EpisodeResults``. ``favourite`` is
-    the waveform transmitted most often and ``favourite_share`` how often, 0 to 1. Several targets add ``rmse_1``,
+    the waveform transmitted most often, and ``favourite_share`` its share, 0 to 1. Several targets add ``rmse_1``,
     ``rmse_2``, ... and several sensors have ``favourite_1``, ``favourite_share_1``, ... A field without a value is
     empty.
     """

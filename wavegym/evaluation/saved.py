@@ -99,7 +99,7 @@ def load_archive(path: Path, trust: bool) -> Any:
         spaces = data["observation_space"], data["action_space"]
         policy = data["policy_class"](*spaces, lambda _: 0.0, **settings)  # a learning rate: of no use in play
         policy.load_state_dict(weights["policy"])
-    except Exception as error:  # whatever code in the file raises
+    except Exception as error:  # any error of code in the file
         wanted = "a model that Stable-Baselines3 saved"
         raise InputError(f"policy {str(path)!r}, expected {wanted}: {type(error).__name__}: {error}") from error
     policy.set_training_mode(False)

@@ -1,19 +1,19 @@
 """Estimates with bootstrap intervals, from the costs of (training seed, world) pairs.
 
-Every policy met the same worlds, and an agent may have several training runs, its *members*: results are a
-matrix (member, world), with one row for a scheduler. Worlds differ far more than policies do, so policies are compared
-in pairs: a resample of worlds is the same for all. Where there are several members they are resampled too (the two axes
-independently; Owen 2007, "The pigeonhole bootstrap"): the claim is about the training, not about these networks. Taking
-the members for fixed would leave out the spread between training runs; taking (member, world) episodes for independent
-would leave out that members share worlds. Both make intervals too narrow. With
-few training seeds they still are: with three seeds the interval over seeds is too narrow; read it together with the
-spread of the seeds.
+Every policy met the same worlds, and an agent may have several training runs, its *members*: results are a matrix
+(member, world), with one row for a scheduler. Worlds differ far more than policies do, so policies are compared in
+pairs: a resample of worlds is the same for all. If there are several members, they are resampled too (the two axes
+independently; Owen 2007, "The pigeonhole bootstrap"), because the claim is about the training and not about these
+networks. With fixed members the spread between training runs would be missing. With independent (member, world)
+episodes it would be missing that members share worlds. Both would make intervals too narrow. With three training seeds
+the interval over seeds is still too narrow: read it together with the spread of the seeds.
 
-Intervals are bias-corrected and accelerated (BCa): costs have a heavy right tail, where percentiles lie too low.
+Intervals are bias-corrected and accelerated (BCa), because costs have a heavy right tail, for which percentile
+intervals are too low.
 
-What cannot be estimated is None, never NaN: an interval from a single world, a ratio to a cost of 0, a geometric mean
-where a cost is not positive, a score where random and myopic cost the same. Identical values have an
-interval of width 0.
+Without an estimate the value is None, never NaN. Examples are an interval from a single world, a ratio to a cost of 0,
+a geometric mean with a cost that is not positive, and a score if random and myopic cost the same. Identical values have
+an interval of width 0.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def ratio(values: Array, others: Array, rng: np.random.Generator) -> Estimate:
 
 
 def of_worlds(statistic: Callable[[Array], Array], count: int, rng: np.random.Generator) -> Estimate:
-    """Of so many worlds any ``statistic`` of their indices, (..., world) -> (...)."""
+    """Any ``statistic`` of the indices of this number of worlds, (..., world) -> (...)."""
     return _estimate(lambda members, worlds: statistic(worlds), (1, count), rng)
 
 
@@ -130,7 +130,7 @@ def _estimate(statistic: Statistic, shape: tuple[int, ...], rng: np.random.Gener
 
 def _interval(statistic: Statistic, members: Array, worlds: Array, rng: np.random.Generator) -> Interval | None:
     """BCa interval, resampling worlds, and members where there are several; percentiles where BCa is undefined."""
-    from scipy.stats import bootstrap  # half a second that a worker process or a training run need not spend
+    from scipy.stats import bootstrap  # half a second, which worker processes and training runs do not need
 
     def of_worlds(worlds: Array, axis: int = -1) -> Array:
         return statistic(members, worlds)

@@ -46,7 +46,10 @@ from wavegym.registration import SYSTEMS, full_id
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded
 
 FILE = "submission.toml"
-PARAMETERS = ("action", "points")  # what a submission may change: how actions are told, never the world or the tracker
+PARAMETERS = (
+    "action",
+    "points",
+)  # the form of the actions; a submission may not change the world or the tracker
 DIGITS = 6  # of a cost
 CLOSED = ConfigDict(extra="forbid")
 FREE_ENERGY = 2.0  # longest pulses of one radar in a step: what two radars can spend
@@ -87,7 +90,7 @@ class Submission:
 
 
 class Bound(NamedTuple):
-    """A play that no policy of the environment can be cheaper than, in the same world."""
+    """A way to play that costs at most as much as any policy of the environment, in the same world."""
 
     policy: str
     lifted: dict[str, Any]  # parameters that lift a limit
@@ -241,7 +244,7 @@ def _play(env_id: str, name: str, entry: Entry, common: dict[str, Any], progress
 
 
 def lower_bound(env_id: str, **common: Any) -> Array | None:
-    """Mean cost per step, (world,), below which no policy is expected; None where no bound is known.
+    """Lower bound of the mean cost per step, (world,); None if no bound is known.
 
     In KershawEvans and KershawEvansPosition it is the clairvoyant optimum, certified to a thousandth. In EnergyBudget
     and EnergyBudgetKnown the account never runs out: no policy can do better on average, but one may in a single world,

@@ -91,7 +91,7 @@ def by_consistency(comparison: Comparison, name: str, rng: np.random.Generator) 
 
 
 def _policy(comparison: Comparison, name: str, by_policy: dict[str, EpisodeResults]) -> dict[str, Any]:
-    # A generator of its own for every policy: its interval is the same in whatever company it is compared.
+    # Every policy has its own generator, so its interval does not depend on the other policies.
     rng = np.random.default_rng([comparison.seed, word("bootstrap")])
     results, baseline = by_policy[name], by_policy[BASELINE]
     cost, rmse = results.cost, results.rmse

@@ -1,4 +1,4 @@
-"""Checkpoint files: torn files are recognised, the last two are kept."""
+"""Checkpoint files: incomplete files are recognised, the last two are kept."""
 
 from __future__ import annotations
 

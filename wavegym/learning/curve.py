@@ -42,7 +42,7 @@ class LearningCurve:
             self._lengths[ended] = 0
 
     def extend(self, planned: int) -> None:
-        """Plan so many steps, and note those planned before, if they were others."""
+        """Plan this number of steps, and note an earlier plan if it was different."""
         if planned != self.planned:
             self.extended_from.append(self.planned)
             self.planned = planned

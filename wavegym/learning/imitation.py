@@ -51,7 +51,7 @@ RATE = 3e-3  # Adam's learning rate at the start; falls linearly to 0
 
 
 class Lessons(NamedTuple):
-    """What an agent is taught: the decisions of a round, or of all rounds so far."""
+    """The lessons of an agent: the decisions of a round, or of all rounds so far."""
 
     observations: Array  # (decision, elements)
     labels: Array  # (decision, ...), see ``demonstrations``
@@ -62,7 +62,7 @@ def pretrain(
 ) -> None:
     """Let the agent imitate ``settings.teacher``; its constants are recorded ones, or tuned on training worlds.
 
-    Where the settings change parameters of the environment, a heuristic keeps the constants of the defaults: it is a
+    If the settings change parameters of the environment, a heuristic keeps the constants of the defaults. It is only a
     first guide, and a search in every run would take longer than the learning.
 
     Args:

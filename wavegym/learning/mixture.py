@@ -57,7 +57,7 @@ class Mixture(DiagGaussianDistribution):
         return self.mixture.sample()
 
     def mode(self) -> Tensor:
-        """The mean (env, parameter) of the likeliest Gaussian."""
+        """The mean (env, parameter) of the most probable Gaussian."""
         log_weights, points = parts(self)
         return points[torch.arange(len(points)), log_weights.argmax(dim=1)]
 

@@ -1,4 +1,4 @@
-"""What a finished policy observes in the environment of its training, for ``policies.networks``."""
+"""The observations of a finished policy in its training environment, for ``policies.networks``."""
 
 from __future__ import annotations
 

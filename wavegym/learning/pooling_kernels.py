@@ -1,4 +1,4 @@
-"""The gradient of a maximum over candidates, for which PyTorch makes ten passes over memory."""
+"""The gradient of a maximum over candidates. PyTorch needs ten passes over memory for it."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations

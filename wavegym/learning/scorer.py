@@ -1,12 +1,13 @@
 """One network that scores every candidate with the same weights.
 
-A candidate has the features h = tanh(A f + B c + e): f are its forecasts (``observations.forecasts``) and the observed
-elements of its targets (shortcut ``target_of_action``), c is a summary of the whole observation, e is a learned offset
-of the candidate. Where candidates are tracks in slots, none of which is special, h = tanh(A f + b) of the forecasts
-alone, and free slots do not count in m: such a network plays with any number of slots. In each round the candidates
-exchange information: h + tanh(M h + N m), where m are the means and maxima over all h (deep sets: Zaheer et al., 2017).
-A score is w'h. An MLP has to learn the same function once for each candidate; a scorer learns the function once for
-all.
+A candidate has the features h = tanh(A f + B c + e). f are its forecasts (``observations.forecasts``) and the observed
+elements of its targets (shortcut ``target_of_action``), c is a summary of the whole observation, and e is a learned
+offset of the candidate. In each round the candidates exchange information: h + tanh(M h + N m), where m are the means
+and maxima over all h (deep sets: Zaheer et al., 2017). A score is w'h.
+
+If candidates are tracks in slots, all slots are alike: h = tanh(A f + b) with the forecasts alone, and free slots do
+not count in m. Such a network plays with any number of slots. An MLP has to learn the same function once for each
+candidate; a scorer learns it once for all.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from wavegym.learning.models import build_model
 from wavegym.learning.training_run import TrainingRun
 from wavegym.policies.runs import difference
 
-# Of a model of Stable-Baselines3: what a training changes, but for weights, optimiser and buffers.
+# What a training changes in a model of Stable-Baselines3, except for weights, optimiser and buffers.
 COUNTERS = (
     "num_timesteps", "_total_timesteps", "_num_timesteps_at_start", "_episode_num", "_n_updates", "_n_calls",
     "_current_progress_remaining", "exploration_rate",

@@ -1,13 +1,12 @@
 """A discount per second for PPO, where steps differ in length.
 
-A discount per step would favour actions whose steps are short, because the cost that follows then counts less. Here
-the factor of a step is gamma to the power of its duration, in returns and in generalised advantages alike; lambda
-stays a factor per step.
+A discount per step would favour actions with short steps, because later costs would then count less. Here the factor of
+a step is gamma to the power of its duration, both in returns and in generalised advantages. lambda stays a factor per
+step.
 
-Rewards are centred: each gains the mean cost per second of its environment times its duration. By time this adds the
-same to all returns, so no policy becomes better or worse by it. Without it the reward of a step grows with its
-duration, and as long as the critic is rough, short steps look good (reward centring: Naik, Wan, Tomar and Sutton,
-2024).
+Rewards are centred: the mean cost per second of the environment times the duration is added to each. This adds the same
+to all returns over the same time, so it favours no policy. Without it the reward of a step grows with its duration, and
+an inaccurate critic favours short steps (reward centring: Naik, Wan, Tomar and Sutton, 2024).
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ CENTRING = 0.05  # weight of a rollout in the running mean
 
 
 class _Timed:
-    """What both buffers add to Stable-Baselines3's.
+    """The common part of both buffers.
 
     Args:
         gamma_per_second: the factor of a second.
@@ -70,7 +69,7 @@ class TimedMaskableRolloutBuffer(_Timed, MaskableRolloutBuffer):
 
 
 class NoteDurations(BaseCallback):
-    """Tells a timed buffer how long each step was (``info["duration"]``), before the step is added to it."""
+    """Gives a timed buffer the duration of each step (``info["duration"]``) before the step is added."""
 
     def _on_step(self) -> bool:
         buffer: Any = self.locals["rollout_buffer"]

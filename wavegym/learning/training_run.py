@@ -1,4 +1,4 @@
-"""A training run. What it trains is written into its folder first: --resume continues no other run there."""
+"""What a training run trains. It is written into the run's folder first, so that --resume continues no other run."""
 
 from __future__ import annotations
 

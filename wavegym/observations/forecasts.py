@@ -2,7 +2,7 @@
 
 A learner sees the quantities that heuristics use: the expected cost one step ahead, and a pulse's gain, delay and
 spending. One network with shared weights can then score every candidate. For tracks in slots (``TrackSlots``) they are
-the gains per second of a dwell and what is known of its track.
+the gains per second of a dwell and the columns of its track.
 """
 
 from __future__ import annotations

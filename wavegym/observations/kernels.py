@@ -24,8 +24,9 @@ def scale(values, centre, width, limit, out, saturated):
 def forecast(gains, rows, durations, each, most, least, values):
     """The forecasts of every dwell, to ``values`` (env, action, field) in the order of ``Forecasts``.
 
-    Gains (env, action, h) are given over ``most``; ``rows`` (env, slot, column) are those of ``TrackSlots``, and each
-    slot has ``each`` updates. Of a free slot's update all are 0 but the gains, the duration and the number of tracks.
+    Gains (env, action, h) are divided by ``most``. ``rows`` (env, slot, column) are those of ``TrackSlots``, and each
+    slot has ``each`` updates. An update of a free slot has zeros, except for the gains, the duration and the number of
+    tracks.
     """
     ahead, updates = gains.shape[2], rows.shape[1] * each
     last = len(durations) - 1

@@ -1,4 +1,4 @@
-"""The observation of agents: the system's scaled fields, with forecasts on request; or what sensors reported."""
+"""The observation of agents: the system's scaled fields, with forecasts on request; or the measurements."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ class Observer:
 
 
 class MeasurementObserver:
-    """Observations of what a receiver knows without a tracker, for agents that remember.
+    """Observations without a tracker, for agents with a memory.
 
-    The fields are the time, the last action (for each sensor 1 at the transmitted waveform and 0 at the others, or the
-    point of a box), the sensor's own settings and the last measurements. Before the first step no action is shown, and
-    every measurement has the centre of its field.
+    The fields are the time, the last action, the sensor's own settings and the last measurements. The last action is
+    one-hot for each sensor, or the point of a box. Before the first step no action is shown, and every measurement has
+    the centre of its field.
 
     Args:
         system: the closed loop.

@@ -1,7 +1,7 @@
 """Trained networks in plain NumPy: a decision takes some ten microseconds and needs no torch.
 
-A network is a kind and its float32 arrays, and knows the range of what it observed in its training: outside it, nobody
-knows what the policy does. ``learning.export`` converts Stable-Baselines3's policies.
+A network has a kind, float32 arrays, and the range of the observations in training. Outside this range the behaviour of
+the policy is unknown. ``learning.export`` converts Stable-Baselines3's policies.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class TrainingRange(NamedTuple):
 
     @classmethod
     def of(cls, observation: Array, own: int, forecasts: int) -> TrainingRange:
-        """The range of observations (env, element), with so many forecasts of each candidate."""
+        """The range of observations (env, element), with this number of forecasts of each candidate."""
         low, high = _extremes(observation, own, own + forecasts)
         return cls(own, low.min(axis=0), high.max(axis=0))
 

@@ -219,9 +219,9 @@ class OnnxPolicy:
     """A deterministic policy in an ONNX file, as ``wavegym export`` writes it.
 
     The input ``observation`` is float32 (batch, elements): the environment's observation; or this and the forecasts of
-    each candidate, as with ``forecasts=True``; or the forecasts alone. The number of elements tells which. The input
-    ``mask``, bool (batch, alternatives), may be absent. The output ``action`` is int64 (batch,) or (batch, sensors),
-    or float32 (batch, parameters) for a box.
+    each candidate, as with ``forecasts=True``; or the forecasts alone. The number of elements distinguishes the three.
+    The input ``mask``, bool (batch, alternatives), may be absent. The output ``action`` is int64 (batch,) or (batch,
+    sensors), or float32 (batch, parameters) for a box.
 
     Args:
         file: the ONNX file.
@@ -261,7 +261,7 @@ class OnnxPolicy:
             options.log_severity_level, options.intra_op_num_threads = 3, 1
             try:
                 self._session = onnxruntime.InferenceSession(self._content, options)
-            except Exception as error:  # whatever the runtime raises
+            except Exception as error:  # any error of the runtime
                 text = " ".join(str(error).split())
                 raise InputError(f"policy {str(self.file)!r} is no ONNX model that can be loaded: {text}") from None
         return self._session

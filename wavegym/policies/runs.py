@@ -216,7 +216,7 @@ def _load(folder: Path, env_id: str, system: System) -> LearnedPolicy:
 
 
 def _training_range(folder: Path, run: dict[str, Any], own: int, forecasts: int) -> TrainingRange | None:
-    """The range on record, None where there is none. Raises an InputError if it is not one of so many elements."""
+    """The recorded range; None without a record. Raises an InputError if it has another number of elements."""
     if RANGE_KEY not in run:
         return None
     try:

@@ -1,4 +1,4 @@
-"""Scenes in which a sensor looks at one target at a time: map, position errors, and who looked at which target when."""
+"""Scenes in which a sensor looks at one target at a time: map, position errors, and the looks of each sensor."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ APART = 0.36  # rows between the marks of the first and the last sensor
 
 
 class Looks(NamedTuple):
-    """What every sensor looked at in each step so far."""
+    """The targets at which every sensor looked in each step so far."""
 
     target: Array  # (step, sensor) int; -1 for none
     hit: Array  # (step, sensor) bool: drawn filled
@@ -76,11 +76,11 @@ class LookScene(ABC):
 
     @abstractmethod
     def report(self, moment: Moment) -> str:
-        """What the last step brought, in a line."""
+        """The result of the last step, in a line."""
 
     @abstractmethod
     def looks(self, moment: Moment) -> Looks:
-        """What was looked at so far."""
+        """The looks so far."""
 
     @abstractmethod
     def visible(self, moment: Moment) -> Array:

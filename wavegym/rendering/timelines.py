@@ -21,7 +21,7 @@ COST, CHOSEN, LEAST, OTHERS = "tab:blue", "tab:red", "black", "0.6"
 MOST_LABELS = 7
 WIDEST = 26  # characters in a line of a label
 MOST_NAMED = 6  # parameters of a box with a name in the legend
-LONGEST = 1000  # of a longer episode the last so many steps are shown
+LONGEST = 1000  # in a longer episode only this number of last steps is shown
 APART = 0.2  # rows between the marks of two sensors with the same waveform
 
 

@@ -9,11 +9,11 @@ has the same determinant c^4 / (4 wc^2) everywhere, and for any symmetric X
     q_X(k, s) = eta tr(adj(X) R) = X22 c^2 k^2 / 2 + X12 c^2 pi s k / wc + X11 (c / wc)^2 (1 / k^2 + pi^2 s^2) / 2.
 
 *Gate volume.* det S = det A + det R + q_A / eta, so q_A is minimised. Without limits R is then proportional to A (the
-eigenvalues of R A^-1 have a fixed product, and the least sum where they are equal): k^2 = A11 / (wc sqrt(det A)) and
-g = -wc A12 / (2 A11). That is the solution only inside the box. On the box q_A is convex, being a positive definite
-quadratic form of (k, s) plus a multiple of 1 / k^2. Hence the best sweep for each k is -wc A12 k / (pi A11), or the
-limit if the former is beyond it. The best duration is the above or, if its sweep is beyond the limit, the only positive
-root of a quartic on that edge, clipped to the limits on the duration.
+eigenvalues of R A^-1 have a fixed product, and the least sum where they are equal): k^2 = A11 / (wc sqrt(det A)) and g
+= -wc A12 / (2 A11). This is the solution only if it is inside the box. On the box q_A is convex, because it is a
+positive definite quadratic form of (k, s) plus a multiple of 1 / k^2. Hence the best sweep for each k is -wc A12 k /
+(pi A11), or the limit if this is beyond it. The best duration is the k above. If its sweep is beyond the limit, the
+best duration is the only positive root of a quartic on that edge. It is clipped to the limits on the duration.
 
 *Trace.* With G = P H' A^-1 the update leaves P - G A G' + G U G', where U = A - A S^-1 A = (det A R + det R A) / det S,
 a sum without cancellation. So tr(Lambda P) is a constant plus, with L = G' Lambda G, the ratio of

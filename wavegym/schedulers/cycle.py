@@ -31,22 +31,23 @@ SETUP_WORLDS = 16  # on which set-ups are identified
 
 
 def best_cycle(system: System, worlds: Any) -> Array:
-    """The best periodic schedule found of one, two or three slots.
+    """The best periodic schedule found with one, two or three slots.
 
-    Coordinate descent on the first ``WORLDS`` worlds: one coordinate of one slot at a time (a parameter of a box, a
-    sensor's waveform, or the whole of a plain index) takes whichever of the levels found in ``constants`` costs
-    least, until a sweep improves nothing. The slots of a good cycle may be bad constants, so all constants are tried.
-    Descents start, for two and three slots each, at the best constant repeated, at the best schedule so far, and at
-    ``DRAWN`` drawn ones, half of which have the best constant in all slots but one. Their results are compared on all
-    worlds. In a box the best is polished (``tuning.polished``) and compared once more, also with ``best_constant``, so
-    that on the tuning worlds a cycle is never worse than a constant.
+    Coordinate descent on the first ``WORLDS`` worlds. A coordinate is a parameter of a box, a sensor's waveform, or a
+    plain index, in one slot. One coordinate at a time takes the best of its levels in ``constants``, until a sweep
+    improves nothing. All constants are levels, because the slots of a good cycle may be bad constants.
+
+    There are descents with two and with three slots. They start at the repeated best constant, at the best schedule so
+    far, and at ``DRAWN`` random schedules; half of these have the best constant in all slots except one. The results
+    are compared on all worlds. In a box the best one is polished (``tuning.polished``) and compared again, also with
+    ``best_constant``, so that a cycle is never worse than a constant on the tuning worlds.
 
     Args:
         system: the closed loop.
         worlds: tapes for tuning, axis 0 = world.
 
     Returns:
-        The actions, (slots,), (slots, sensor) or (slots, d), one slot where all are equal.
+        The actions, (slots,), (slots, sensor) or (slots, d); one slot if all are equal.
     """
     points, encode = _coordinates(system)
     budget = len(points) + ROLLOUTS
@@ -177,8 +178,9 @@ def _shortest(slots: Array) -> Array:
 def best_dwell(system: System, worlds: Any) -> Array:
     """The best cycle found: ``best_cycle``'s, or every set-up in turn, each held for some steps.
 
-    A cycle of set-ups has one slot for each set-up (``setups``), with the same index of its waveforms in all, held for
-    1 to 16 steps, the delay included. Cycles are compared by the geometric mean of the cost over worlds.
+    A cycle of set-ups has one slot for each set-up (``setups``) and uses the same index among the waveforms of each. A
+    set-up is held for 1 to 16 steps, including the delay. Cycles are compared by the geometric mean of the cost over
+    worlds.
 
     Args:
         system: the closed loop.

@@ -110,7 +110,7 @@ class Myopic:
 
 
 def require(name: str, system: System, kind: Shortcut[..., Any] | type) -> None:
-    """Raise an InputError unless the system has the shortcut or trait that the scheduler ``name`` needs."""
+    """Raise an InputError if the system lacks the shortcut or trait that the scheduler ``name`` needs."""
     why = why_not(system, kind)
     if why:
         raise impossible(name, system, why)
@@ -124,9 +124,9 @@ def impossible(name: str, system: System, why: str) -> InputError:
 class Progressive:
     """The chirps with the least predicted trace one step ahead (Sira et al., section 5).
 
-    For every sensor in turn, and every phase law and direction, it searches a grid over log duration and log sweep,
-    then finer grids around the best point, out to its neighbours. For systems that have ``sensor_by_sensor``, with
-    ``action="box"``.
+    For every sensor in turn, and every phase law and direction, it searches a grid over log duration and log sweep.
+    Finer grids around the best point follow, each up to the neighbours of this point. For systems that have
+    ``sensor_by_sensor``, with ``action="box"``.
 
     Args:
         points: grid points per axis, at least 3.

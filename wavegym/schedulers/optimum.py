@@ -1,22 +1,22 @@
-"""The best schedule of a whole episode where the covariance is deterministic: a reference for all schedulers.
+"""The best schedule of a whole episode if the covariance is deterministic: a reference for all schedulers.
 
-Forward search over the tree of schedules, step by step. Most of the beliefs after k steps are dominated: another belief
-costs less and has a smaller covariance. Let J_a(P) be the cost of continuing from covariance P with the actions a. The
-search drops A = (c_A, P_A) for B = (c_B, P_B) where, for some e >= 0,
+The method is a forward search over the tree of schedules, step by step. Most of the beliefs after k steps are
+dominated: another belief costs less and has a smaller covariance. Let J_a(P) be the cost of continuing from covariance
+P with the actions a. The search drops A = (c_A, P_A) for B = (c_B, P_B) where, for some e >= 0,
 
     P_B <= (1 + e) P_A  (Loewner order)   and   c_B + e (U - c_A - h) <= c_A + d.
 
 U is the cost of a schedule already found, h a bound from below on the cost of the remaining steps, d an allowance.
 
-*Proof.* One step of the Riccati recursion, f(P) = F P F' + Q updated with R, is monotone and concave in P with
-f(0) >= 0, being the least of (I - L M)(F P F' + Q)(I - L M)' + L R L' over all gains L; so is any composition of such
-steps, and J_a, a sum of their weighted traces, inherits it. Concavity on the ray through P_A gives
-J_a(P_B) <= J_a((1 + e) P_A) <= J_a(P_A) + e (J_a(P_A) - J_a(0)). Let a be the best way to continue A, and
-V = c + min_a J_a(P) what a belief's best schedule costs. If V_A < U then J_a(P_A) < U - c_A, and J_a(0) >= h, so
-V_B <= c_B + J_a(P_A) + e (U - c_A - h) <= V_A + d. If V_A >= U nothing is lost, as the schedule of cost U is known.
-The same holds where a belief with c + h >= U is dropped. So the least of U and the V of all beliefs kept grows by at
-most d from step to step, and the schedule found costs at most H d more than the optimum. With d = 0 it is the optimum.
-Beliefs dropped because ``nodes`` are kept already have V >= c + h, which enters the bound.
+*Proof.* One step of the Riccati recursion, f(P) = F P F' + Q updated with R, is the least of (I - L M)(F P F' + Q)(I -
+L M)' + L R L' over all gains L. So it is monotone and concave in P with f(0) >= 0. Any composition of such steps has
+this property, and so has J_a, a sum of their weighted traces. Concavity on the ray through P_A gives J_a(P_B) <= J_a((1
++ e) P_A) <= J_a(P_A) + e (J_a(P_A) - J_a(0)). Let a be the best way to continue A, and V = c + min_a J_a(P) the cost of
+a belief's best schedule. If V_A < U then J_a(P_A) < U - c_A, and J_a(0) >= h, so V_B <= c_B + J_a(P_A) + e (U - c_A -
+h) <= V_A + d. If V_A >= U nothing is lost, as the schedule of cost U is known. The same holds if a belief with c + h >=
+U is dropped. So the least of U and the V of all beliefs kept grows by at most d from step to step, and the schedule
+found costs at most H d more than the optimum. With d = 0 it is the optimum. Beliefs dropped because ``nodes`` are kept
+already have V >= c + h, which enters the bound.
 
 h is the sum, over the remaining steps, of the least cost that any schedule of the last few steps can make of a zero
 covariance (monotonicity again); U comes from the same search with few nodes. Two states, 50 steps and 56 or 88

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from wavegym.core.kernels import kernel
 from wavegym.trackers.kernels import factor_innovation_one, predict_covariance_one, update_covariance_one
 
-DEPTH, SLACK = 3, 0.03  # of the bound on the cost to come: steps from zero covariance, and slack of the dominance
+DEPTH, SLACK = 3, 0.03  # steps from zero covariance in the bound on the cost to come; slack of the dominance
 
 
 class Nodes(NamedTuple):
@@ -86,9 +86,9 @@ def eliminates(b, B, a, A, factor, Z, nn):
 
 @kernel
 def branch(nodes, count, model, weights, R, room, children, nn, mm):
-    """Every action, of R (A, m, m), at each of the first ``count`` nodes; how many children cost less than ``room``.
+    """Apply every action, R (A, m, m), to the first ``count`` nodes; returns how many children cost less than ``room``.
 
-    Leaves the predicted covariance in ``nodes.P``.
+    ``nodes.P`` holds the predicted covariances afterwards.
     """
     n, m, actions = len(nn), len(mm), R.shape[0]
     T, L, D, V = np.empty((n, n)), np.empty((m, m)), np.empty(m), np.empty((n, m))
@@ -110,10 +110,10 @@ def branch(nodes, count, model, weights, R, room, children, nn, mm):
 
 @kernel
 def prune(children, born, slack, allowance, room, nodes, limit, nn):
-    """Keep in ``nodes`` the children that no cheaper one dominates, cheapest first, ``limit`` at most.
+    """Keep in ``nodes`` the children that no cheaper one dominates: cheapest first, at most ``limit``.
 
-    A child A is left out where a kept B has c_B + e (room - c_A) <= c_A + allowance and P_B <= (1 + slack + e) P_A.
-    Returns how many were kept, and the cost of the cheapest child that exceeded ``limit`` (inf: none).
+    A child A is dropped if a kept B has c_B + e (room - c_A) <= c_A + allowance and P_B <= (1 + slack + e) P_A. Returns
+    the number of kept children, and the cost of the cheapest one beyond ``limit`` (inf: none).
     """
     n, kept = len(nn), 0
     Z, order = np.empty((n, n)), np.empty(limit, np.int64)
@@ -142,9 +142,9 @@ def prune(children, born, slack, allowance, room, nodes, limit, nn):
 
 @kernel
 def cost_to_come(model, R, nodes, children, nn, mm):
-    """Bound from below (H,) on the cost of all steps after each, whatever the schedule and the covariance.
+    """Lower bound (H,) on the cost of all later steps, for any schedule and covariance.
 
-    Step u costs at least what the best schedule of the last DEPTH steps (at most) makes of a zero covariance.
+    Step u costs at least as much as after the best schedule of the last DEPTH steps (or fewer) from zero covariance.
     """
     horizon, n = len(R), len(nn)
     nothing = np.zeros(n), np.zeros((n, n))
@@ -173,9 +173,9 @@ def cost_to_come(model, R, nodes, children, nn, mm):
 
 @kernel
 def search(P0, model, R, slack, allowance, rest, ceiling, limit, nodes, children, origins, plan, nn, mm):
-    """Cost of the cheapest schedule below ``ceiling``, written to ``plan`` (H,), and a lower bound on those given up.
+    """Write the cheapest schedule below ``ceiling`` to ``plan`` (H,); returns its cost and a bound on dropped ones.
 
-    Without such a schedule ``plan`` is unchanged and the cost is the ceiling. ``origins`` (H, limit) is scratch space.
+    If there is none, ``plan`` is unchanged and the cost is the ceiling. ``origins`` (H, limit) is scratch space.
     """
     actions, bound = R.shape[1], np.inf
     copy(P0, nodes.P[0], nn)

@@ -18,7 +18,7 @@ class Rollout(NamedTuple):
 
     cost: Array  # (env, H) cost after each step; 0 after an early end
     steps: Array  # (env,) steps to the episode's end
-    span: Array  # (env,) what the mean cost is over: steps, or seconds where they differ in length
+    span: Array  # (env,) the divisor of the mean cost: steps, or seconds if steps differ in length
     actions: Array  # (env, H, ...)
 
     @property

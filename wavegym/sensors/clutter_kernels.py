@@ -1,12 +1,12 @@
-"""Validation gates and a field of Poisson clutter in compiled form; ``clutter.py`` holds the public functions.
+"""Compiled validation gates and Poisson clutter; ``clutter.py`` has the public functions.
 
 Gate t is the ellipse {z : |L_t^-1 (z - centre_t)| <= gate} with L_t (2, 2) the lower Cholesky factor of the innovation
 covariance: centre (t, 2), L (t, 2, 2).
 
-The measurement plane is divided into equal cells. A cell holds a Poisson number of points, uniform in the cell: a
-Poisson field of constant density. Number and places come by counter from (key, column, row), so a point depends on the
-key and the density alone. A larger gate finds the points of a smaller one, and all trackers meet the same clutter. Only
-cells that overlap a gate are evaluated, each of them once: column by column, in runs of rows that the gates cover.
+The measurement plane is divided into equal cells. A cell has a Poisson number of points, uniform in the cell: a Poisson
+field of constant density. Counters make number and places from (key, column, row), so a point depends on the key and
+the density alone. A larger gate finds the points of a smaller one, and all trackers meet the same clutter. Only cells
+that overlap a gate are evaluated, each of them once: column by column, in runs of rows that the gates cover.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -21,7 +21,7 @@ from wavegym.core.kernels import batched, inlined, kernel
 
 @kernel
 def squared_distance(t, z0, z1, centre, L):
-    """|L_t^-1 (z - centre_t)|^2, the squared Mahalanobis distance of z = (z0, z1); NaN where L_t is."""
+    """|L_t^-1 (z - centre_t)|^2, the squared Mahalanobis distance of z = (z0, z1); NaN if L_t is NaN."""
     w0 = (z0 - centre[t, 0]) / L[t, 0, 0]
     w1 = (z1 - centre[t, 1] - L[t, 1, 0] * w0) / L[t, 1, 1]
     return w0 * w0 + w1 * w1
@@ -29,7 +29,7 @@ def squared_distance(t, z0, z1, centre, L):
 
 @kernel
 def in_gate(t, z0, z1, centre, L, gate):
-    """Whether (z0, z1) lies in gate t; never in one whose L_t is NaN."""
+    """Whether (z0, z1) lies in gate t; False if L_t is NaN."""
     return squared_distance(t, z0, z1, centre, L) <= gate * gate
 
 
@@ -50,7 +50,7 @@ def gate_volume_one(t, L, gate):
 
 @inlined
 def reach_one(t, L, gate):
-    """Half the sides of the box around gate t."""
+    """Half of each side of the box around gate t."""
     return gate * L[t, 0, 0], gate * np.sqrt(L[t, 1, 0] * L[t, 1, 0] + L[t, 1, 1] * L[t, 1, 1])
 
 
@@ -89,7 +89,7 @@ FIRST_ROOM = 1024
 
 @kernel
 def room(z, count):
-    """Return z if it has at least ``count`` rows, else a larger array that begins with the rows of z."""
+    """z if it has at least ``count`` rows, else a larger array that begins with the rows of z."""
     if count <= len(z):
         return z
     larger = np.empty((2 * count, z.shape[1]))
@@ -99,15 +99,17 @@ def room(z, count):
 
 @inlined
 def cell_sides(density):
-    """Both sides of a cell; its area is 1 / density, so it expects one point."""
+    """Both sides of a cell. Its area is 1 / density, so its expected number of points is 1."""
     second = np.sqrt(1.0 / (ASPECT * max(density, THINNEST)))
     return ASPECT * second, second
 
 
 @kernel
 def gate_load(t, centre, L, gate, density):
-    """The expected points of gate t; inf if its centre is beyond FARTHEST cells or no number, or if it spans more than
-    LONGEST columns and rows; NaN or inf without a finite volume.
+    """Expected number of clutter points in gate t.
+
+    Infinite if the centre is farther than FARTHEST cells or not a number, or if the gate spans more than LONGEST
+    columns and rows. NaN or infinite if the volume is not finite.
     """
     sides, reach = cell_sides(density), reach_one(t, L, gate)
     if not (abs(centre[t, 0]) <= FARTHEST * sides[0] and abs(centre[t, 1]) <= FARTHEST * sides[1]):
@@ -119,7 +121,7 @@ def gate_load(t, centre, L, gate, density):
 
 @kernel
 def most_load(present, centre, L, gate, density):
-    """The greatest ``gate_load`` of a present gate; NaN if a gate's is NaN."""
+    """The greatest ``gate_load`` of the present gates; NaN if one of them is NaN."""
     most = 0.0
     for t in range(len(present)):
         if present[t]:
@@ -130,7 +132,7 @@ def most_load(present, centre, L, gate, density):
 
 @inlined
 def cell_of(place, side, slack):
-    """The number of the cell that holds a coordinate, moved by ``slack`` cells."""
+    """The number of the cell that contains a coordinate, which is first moved by ``slack`` cells."""
     return np.int64(np.floor(place / side + slack))
 
 
@@ -157,7 +159,7 @@ def poisson(u, terms):
 
 @inlined
 def border_one(t, L, gate, w):
-    """Whitened by L, a gate is a circle; the second coordinate of gate t's upper border where the first one is w."""
+    """Second coordinate of gate t's upper border at first coordinate w. Whitened by L, the gate is a circle."""
     return L[t, 1, 0] * w + L[t, 1, 1] * np.sqrt(max(gate * gate - w * w, 0.0))
 
 
@@ -184,8 +186,9 @@ def columns_of(t, sides, centre, L, gate):
 
 @inlined
 def run_after(ranges, count, done):
-    """(first, last): the least number above ``done`` in a range of ranges[: count], and the end of a range that holds
-    it; last < first where there is none. A row of ``ranges`` begins with the first and the last number of a range.
+    """(first, last): the least number above ``done`` in ranges[: count], and the end of a range that contains it.
+
+    last < first if there is none. A row of ``ranges`` begins with the first and the last number of a range.
     """
     first, last = -NOWHERE, NOWHERE
     for t in range(count):
@@ -199,7 +202,7 @@ def run_after(ranges, count, done):
 
 @inlined
 def first_gate(row, z0, z1, rows, count, centre, L, gate):
-    """The first gate of rows[: count] that holds (z0, z1), a point of a cell in ``row``; -1 if none does."""
+    """The first gate of rows[: count] that contains (z0, z1), a point of a cell in ``row``; -1 if none does."""
     for j in range(count):
         if rows[j, 0] <= row <= rows[j, 1] and in_gate(rows[j, 2], z0, z1, centre, L, gate):
             return rows[j, 2]
@@ -220,8 +223,9 @@ def gates_of(column, sides, columns, top, centre, L, gate, rows):
 
 @inlined
 def add_cell(key, column, row, sides, terms, rows, gates, centre, L, gate, found, count):
-    """Append to ``found`` from ``count`` those points of a cell that lie in a gate of rows[: gates]: the places and the
-    first gate. key: that of the cell.
+    """Append a cell's points in a gate of rows[: gates] to ``found`` from ``count``: place and first gate.
+
+    ``key`` is the key of the cell.
     """
     for n in range(poisson(uniform(key, 0), terms)):
         z0, z1 = (column + uniform(key, 2 * n + 1)) * sides[0], (row + uniform(key, 2 * n + 2)) * sides[1]
@@ -236,8 +240,8 @@ def add_cell(key, column, row, sides, terms, rows, gates, centre, L, gate, found
 def add_columns(key, column, last, sides, terms, columns, top, rows, centre, L, gate, found, count):
     """``add_cell`` for all cells in columns up to ``last`` that overlap a gate; returns the next column and the count.
 
-    Stops before a column for whose points there is no room in found (capacity, 3). columns (t, 2): the gates' first and
-    last columns; rows (t, 3) is scratch space.
+    Stops before a column whose points do not fit in found (capacity, 3). columns (t, 2): the gates' first and last
+    columns; rows (t, 3) is scratch space.
     """
     while column <= last:
         own, begin, gates = stream(key, column), count, gates_of(column, sides, columns, top, centre, L, gate, rows)
@@ -257,7 +261,7 @@ def add_columns(key, column, last, sides, terms, columns, top, rows, centre, L, 
 
 @kernel
 def append_by_gate(found, many, gates, z, count):
-    """Append the places of found[: many] to z from ``count``, ordered by their gate, else as they are."""
+    """Append the places of found[: many] to z from ``count``, ordered by gate; within a gate the order stays."""
     at = np.zeros(gates + 1, np.int64)
     at[0] = count
     for m in range(many):
@@ -272,11 +276,11 @@ def append_by_gate(found, many, gates, z, count):
 
 @kernel
 def add_clutter(key, centre, L, present, gate, density, z, count):
-    """Append those points of the field of ``key`` that lie in a present gate to z from ``count``.
+    """Append the points of the field of ``key`` that lie in a present gate to z from ``count``.
 
     centre (t, 2), L (t, 2, 2), present (t,) bool, z (capacity, 2). Returns z, or a larger copy, and the new count. A
-    point in several gates is appended once, with the first of them; the points of a gate by column and row. A gate
-    without a finite load gets no points. Each cell is evaluated once, however many gates overlap it.
+    point in several gates is appended once, with the first of them. The points of a gate are ordered by column and row.
+    A gate without a finite load gets no points. Each cell is evaluated once, however many gates overlap it.
     """
     if not density > 0.0:
         return z, count

@@ -21,9 +21,9 @@ is n eta / 2, and S is gamma-distributed with shape K: 1, n, 2 and 2 n for swerl
 gamma distributions of shape n + k, where k is negative-binomial (Poisson for a steady echo), and so is the law of S
 given a detection (Shnidman, IEEE Trans. Aerosp. Electron. Syst. 31(2), 1995).
 
-A receiver that takes the greatest value of an image in place of the value at a known cell searches ``searched``
-quantities, such as delay, Doppler and direction. Beside an echo the noise then adds half a chi-square variable with one
-degree of freedom for each of them (Wilks, Ann. Math. Stat. 9, 1938), so n becomes n + searched / 2.
+A receiver may take the greatest value of an image instead of the value at a known cell. It then searches ``searched``
+quantities, such as delay, Doppler and direction. Near an echo the noise adds half a chi-square variable with one degree
+of freedom for each of them (Wilks, Ann. Math. Stat. 9, 1938), so n becomes n + searched / 2.
 """
 
 from __future__ import annotations

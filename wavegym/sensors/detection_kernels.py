@@ -1,4 +1,4 @@
-"""SNR by range and detection of a fluctuating target in compiled form; ``detection.py`` holds the public functions."""
+"""Compiled SNR by range, and detection of a fluctuating target; ``detection.py`` has the public functions."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -10,7 +10,7 @@ from wavegym.core.kernels import batched, inlined, kernel
 
 @kernel
 def inverse_snr(r, reference, nearest):
-    """1 / eta = (r / reference)^4 with r at least ``nearest``; products, because scalar and array powers may differ."""
+    """1 / eta = (r / reference)^4, r at least ``nearest``; by products, because scalar and array powers may differ."""
     ratio = max(abs(r), nearest) / reference
     square = ratio * ratio
     return square * square
@@ -25,12 +25,12 @@ def snr(r, reference, nearest, out):
 
 FIRST, LAST = np.log(1e-3), np.log(1e7)  # ln eta at both ends of the tables of ``detection.py``
 LOGIT = 23.0  # ln(f / (1 - f)) at the upper end of a table of ``detection.detected_snr_table``
-CELL = 1.0  # eta below which errors grow no further: about that of a resolution cell
+CELL = 1.0  # eta below which errors grow no further: the error is about a resolution cell
 
 
 @kernel
 def detection(eta, log_false_alarm):
-    """Pd = Pf^(1 / (1 + eta)) as Sira et al. print it: eta is the mean energy ratio E/N0."""
+    """Pd = Pf^(1 / (1 + eta)) as in Sira et al.; eta is the mean energy ratio E/N0."""
     return np.exp(log_false_alarm / (1.0 + eta))
 
 
@@ -65,7 +65,7 @@ def effective_snr(eta, table):
 def snr_of_errors(eta, fraction, table):
     """max(realised SNR, CELL) of a detected echo by ``detection.detected_snr_table``; an empty table: eta.
 
-    fraction: uniform in [0, 1), such as the draw that decided on the detection over Pd.
+    fraction: uniform in [0, 1), such as the draw that decided on the detection, divided by Pd.
     """
     if len(table) == 0:
         return eta

@@ -1,10 +1,10 @@
-"""Eclipsing: the receiver is closed while the radar transmits, and cuts pulses that arrive then.
+"""Eclipsing: the receiver is closed while the radar transmits, and cuts pulses that arrive during that time.
 
-The receive gate is *fixed in time*. The Fisher information of delay and Doppler is that of the samples in the gate:
-J = 2E/N0 Re of the gated inner products of the derivatives of s(t - tau) exp(j 2 pi nu t), less their projection on
-the gated pulse (unknown amplitude and phase). It is not that of a pulse that ends where the gate does: such a pulse
-would have a sharp edge that moves with the target, and infinite delay information. ``docs/waveform_timing.md`` has the
-derivation.
+The receive gate is *fixed in time*. The Fisher information of delay and Doppler is that of the samples in the gate: J =
+2E/N0 Re of the gated inner products of the derivatives of s(t - tau) exp(j 2 pi nu t), minus their projection on the
+gated pulse (unknown amplitude and phase). It is not the information of a pulse that ends at the gate. Such a pulse
+would have a sharp edge that moves with the target, and infinite information on delay. ``docs/waveform_timing.md`` has
+the derivation.
 """
 
 from __future__ import annotations
@@ -186,11 +186,11 @@ class EclipsedLibrary:
         return self._factors(waveform, range_m)[..., 0]
 
     def snr_factor(self, waveform: ArrayLike, range_m: ArrayLike, replica: str = "visible") -> FloatArray:
-        """What eclipsing leaves of the SNR 2E/N0 of the matched filter, (...).
+        """The factor of the matched filter's SNR 2E/N0 due to eclipsing, (...).
 
-        ``"visible"``: f, for a filter matched to the visible part. ``"full"``: f^2, for the full replica, whose output
-        falls with f while its noise stays that of the whole replica (only echoes are blanked, or the threshold is that
-        of ranges that see the whole pulse).
+        ``"visible"``: f, for a filter matched to the visible part. ``"full"``: f^2, for the full replica. Its output
+        falls with f, but its noise is that of the whole replica. This holds if only echoes are blanked, or if the
+        threshold is set for whole pulses.
 
         Args:
             waveform: index of the pulse, (...).

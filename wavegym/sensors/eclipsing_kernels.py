@@ -1,9 +1,9 @@
-"""Pulses that a closed receiver cuts, in compiled form; ``eclipsing.py`` has the public functions.
+"""Compiled eclipsing: pulses cut by a closed receiver; ``eclipsing.py`` has the public functions.
 
 Shapes of pulses are tables of cumulated moments (``wavegym/waveforms/cumulated.py``): nodes (table, cell + 1), left and
 right (table, cell, column, power), total (table, column), constants (table, 3): centre, slope and greatest density. All
-times of a pulse are in units of its time scale. ``Tables`` and ``Pulses`` of ``eclipsing.py`` hold them; kernels take
-both as one argument each.
+times of a pulse are in units of its time scale. ``Tables`` and ``Pulses`` of ``eclipsing.py`` hold them; each is one
+argument of a kernel.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -24,7 +24,7 @@ HALF_C = 0.5 * SPEED_OF_LIGHT
 
 @inlined
 def cell_of(nodes, k, x):
-    """The cell of table k that holds x, by bisection."""
+    """The cell of table k that contains x, by bisection."""
     low, high = 0, nodes.shape[1] - 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -43,7 +43,7 @@ def polynomial(p, s):
 
 @inlined
 def part(nodes, c, k, x):
-    """All columns of table k at x, 8 numbers: integrals up to x (c is ``left``) or from x on (``right``), a^2 at x."""
+    """All columns of table k at x, 8 numbers: integrals up to x (c = ``left``) or from x (``right``), and a^2 at x."""
     cell = cell_of(nodes, k, x)
     s = (x - nodes[k, cell]) / (nodes[k, cell + 1] - nodes[k, cell])
     p = c[k, cell]
@@ -55,7 +55,7 @@ def part(nodes, c, k, x):
 
 @inlined
 def plus(m, n, sign):
-    """m + sign n, element by element, except for the last one of m."""
+    """m + sign n, element by element; the last element of m stays."""
     return (
         m[0] + sign * n[0], m[1] + sign * n[1], m[2] + sign * n[2], m[3] + sign * n[3],
         m[4] + sign * n[4], m[5] + sign * n[5], m[6] + sign * n[6], m[7],
@@ -71,7 +71,7 @@ def whole(tables, k):
 
 @kernel
 def window(tables, k, low, high):
-    """The integrals over low <= x <= high, 7 numbers, and a^2 at the end less a^2 at the begin."""
+    """The integrals over low <= x <= high, 7 numbers, and a^2 at the end minus a^2 at the beginning."""
     nodes = tables.nodes
     begins, ends = nodes[k, 0], nodes[k, nodes.shape[1] - 1]
     if high <= begins or low >= ends or high <= low:
@@ -91,17 +91,17 @@ def window(tables, k, low, high):
 
 @inlined
 def reduced(tables, k, m):
-    """(share, spread, slope, residual, bandwidth) of gated moments m, in units of T and W, at SNR 1 of what is left.
+    """(share, spread, slope, residual, bandwidth) of gated moments m, in units of T and W; what is left has SNR 1.
 
-    m[7]: a^2 at the gates' ends less that at their begins. Re of <s', s> is half of it: the projection on the gated
-    pulse takes its square from the envelope's bandwidth.
+    m[7] is a^2 at the ends of the gates minus a^2 at their beginnings. Re <s', s> is half of it. The projection on the
+    gated pulse subtracts its square from the envelope's bandwidth.
     """
     share = m[0]
     if not share >= LEAST_SHARE:
         share, m = 0.0, whole(tables, k)
     one = 1.0 / m[0]
     time, h = m[1] * one, m[3] * one
-    # No density below the greatest one holds the energy in a narrower stretch: rounding must not either.
+    # The energy cannot be narrower than at the greatest density, also after rounding.
     narrowest = m[0] / tables.constants[k, 2]
     spread = max(m[2] * one - time * time, narrowest * narrowest / 12.0)
     coupling = m[4] * one - time * h
@@ -114,8 +114,8 @@ def reduced(tables, k, m):
 def gated(tables, k, delay, first, last, recovery, interval):
     """``reduced`` of an echo that arrives ``delay`` after its pulse, all times in units of T.
 
-    first, last: transmitted interval, in the pulse's own time; the receiver is open from last + recovery until
-    interval + first, and so on every interval; interval inf: until the end.
+    first, last: transmitted interval, in the pulse's own time. The receiver is open from last + recovery until interval
+    + first, in every interval; with interval = inf, until the end.
     """
     centre = tables.constants[k, 0]
     opens, closes = last + recovery - delay - centre, first - delay - centre  # of pulse 0, in x
@@ -135,10 +135,10 @@ def gated(tables, k, delay, first, last, recovery, interval):
 
 @kernel
 def gated_factors(tables, k, time_scale, rate_scale, delay, first, last, recovery, interval, count):
-    """(share, residual, slope, spread) in s and rad/s: visible share of the energy, ``FisherFactors`` of what is left.
+    """(share, residual, slope, spread), s and rad/s: visible share of the energy, ``FisherFactors`` of what is left.
 
-    For pulses whose parameters are continuous: T and W, the delay (s), the transmitted interval (s), recovery and
-    interval (s; inf for one pulse) and the number of pulses of a coherent train.
+    For pulses with continuous parameters: T and W, the delay (s), the transmitted interval (s), recovery and interval
+    (s; inf for one pulse) and the number of pulses of a coherent train.
     """
     t = 1.0 / time_scale
     share, spread, slope, residual, bandwidth = gated(
@@ -181,10 +181,10 @@ def eclipsed_covariance(tables, pulses, w, range_m, carrier):
 
 @inlined
 def is_whole(window, w, delay):
-    """Whether the receiver sees all of the echo of pulse w that arrives ``delay`` (s) after it; ``window`` (w, 10).
+    """Whether the receiver sees the whole echo of pulse w, ``delay`` (s) after the pulse; ``window`` (w, 10).
 
-    A row: the first delay at which it does, the time from then on for which it does (inf: for ever), then the row of
-    the tables and the pulse's ``timing``. Times repeat with the interval.
+    A row of ``window``: the first delay with a whole echo, the length of that time (inf: for ever), then the row of the
+    tables and the pulse's ``timing``. Times repeat with the interval.
     """
     late = delay - window[w, 0]
     return late >= 0.0 and (late <= window[w, 1] or late % window[w, 8] <= window[w, 1])

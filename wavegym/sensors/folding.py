@@ -36,10 +36,10 @@ class Folded(NamedTuple):
 
 
 class FoldUpdate(NamedTuple):
-    """A folded measurement of one quantity, given its prediction: what a Kalman filter needs of it.
+    """A folded measurement of one quantity, given its prediction, in the form that a Kalman filter needs.
 
-    The filter updates with ``innovation`` as if it were that of one measurement, and adds K spread K' to the updated
-    covariance (moment matching, as in probabilistic data association).
+    The filter updates with ``innovation`` as with one measurement, and adds K spread K' to the updated covariance
+    (moment matching, as in probabilistic data association).
     """
 
     log_likelihood: FloatArray  # (...) of the measurement, summed over the folds, 1/unit
@@ -381,7 +381,7 @@ def _candidates(detections: Sequence[FloatArray], widths: FloatArray, low: float
 
 
 def _centred(difference: FloatArray, width: FloatArray | float) -> FloatArray:
-    """``difference`` less the nearest multiple of ``width``."""
+    """``difference`` minus the nearest multiple of ``width``."""
     return difference - width * np.rint(difference / width)
 
 

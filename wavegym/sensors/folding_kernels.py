@@ -1,6 +1,6 @@
-"""Folded measurements in compiled form; ``folding.py`` has the public functions.
+"""Compiled folded measurements; ``folding.py`` has the public functions.
 
-A quantity is known up to whole widths W, the unambiguous interval: z = value - n W. W may be inf: nothing folds.
+A quantity is measured up to multiples of the unambiguous interval W: z = value - n W. With W = inf nothing folds.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -15,7 +15,7 @@ from wavegym.core.kernels import batched, inlined, kernel
 MOST_FOLDS = 1000.0
 """Folds on each side of the prediction beyond which nothing is looked for."""
 LOG_TWO_PI = np.log(2.0 * np.pi)
-FARTHEST = 8.0  # standard deviations; 1e-15 of a Gaussian lies beyond
+FARTHEST = 8.0  # standard deviations; 1e-15 of a Gaussian lies outside
 
 
 @inlined
@@ -81,7 +81,7 @@ def fold_update_one(z, predicted, variance, width, size):
 def certain_reach(variance, width, size):
     """Innovation up to which the next fold is at least exp(size^2 / 2) times less likely; negative if W < size sigma.
 
-    With the innovation y, the next fold's is W - |y|: (W - |y|)^2 - y^2 >= size^2 variance.
+    If the innovation is y, that of the next fold is W - |y|: (W - |y|)^2 - y^2 >= size^2 variance.
     """
     return 0.5 * (width - size * size * variance / width)
 
@@ -105,8 +105,8 @@ def rows(y0, y1, S00, S01, S11, W1, radius):
 
 @inlined
 def row(y0, w, S00, S01, S11, W0, radius):
-    """First and last fold of the first quantity within ``radius``, where the second one's innovation is w."""
-    centre = S01 / S11 * w - y0  # what n W0 should be
+    """First and last fold of the first quantity within ``radius``, if the innovation of the second is w."""
+    centre = S01 / S11 * w - y0  # the ideal n W0
     if np.isinf(W0):
         return 0.0, 0.0
     reach = np.sqrt(max((radius * radius - w * w / S11) * (S00 - S01 * S01 / S11), 0.0))
@@ -127,7 +127,7 @@ def distance(v, w, S00, S01, S11):
 def nearest_pair(y0, y1, S00, S01, S11, W0, W1):
     """(folds of both quantities, squared distance) of the hypothesis with the least distance.
 
-    A first guess rounds one quantity after the other; what is nearer lies in the ellipse through the guess.
+    The first guess rounds one quantity after the other. Nearer folds lie in the ellipse through this guess.
     """
     j0 = nearest_fold(-y1, W1)
     w = y1 + shifted(j0, W1)

@@ -1,4 +1,4 @@
-"""Range, range-rate, direction and multilateration in compiled form, with SNR and variances over a path.
+"""Compiled range, range-rate, direction and multilateration, with SNR and variances over a path.
 
 ``multistatic.py`` holds the public functions.
 """
@@ -24,7 +24,7 @@ def range_and_rate(px, py, vx, vy, sx, sy):
 
 @inlined
 def multistatic_range_and_rate(px, py, vx, vy, tx, ty, sx, sy):
-    """Half the path (tx, ty), target, (sx, sy), and its rate; equals ``range_and_rate`` for equal positions."""
+    """Half the path from (tx, ty) over the target to (sx, sy), and its rate; ``range_and_rate`` for equal positions."""
     out, out_rate = range_and_rate(px, py, vx, vy, tx, ty)
     back, back_rate = range_and_rate(px, py, vx, vy, sx, sy)
     return 0.5 * (out + back), 0.5 * (out_rate + back_rate)
@@ -86,18 +86,18 @@ def direction_variance(eta, elements):
 def folded(value, limit):
     """A value that is measured up to multiples of 2 ``limit``, folded into [-limit, limit].
 
-    Range-rate of a pulse train, limit lambda / (4 interval); direction cosine of an array with elements half a
-    wavelength apart, limit 1.
+    The limit is lambda / (4 interval) for the range-rate of a pulse train, and 1 for the direction cosine of an array
+    with elements half a wavelength apart.
     """
     return value - 2.0 * limit * np.rint(value / (2.0 * limit))
 
 
 @inlined
 def half_ellipse_crossing(r0, r1, tx, ty, ax, ay, bx, by, root):
-    """A point p = (x, y) with |p - t| + |p - a| = 2 r0 and |p - t| + |p - b| = 2 r1; NaN where there is none.
+    """A point p = (x, y) with |p - t| + |p - a| = 2 r0 and |p - t| + |p - b| = 2 r1; NaN if there is none.
 
     Relative to the transmitter, with d = |p|: 2 p'a = |a|^2 - 4 r0^2 + 4 r0 d. Hence p is linear in d, and |p|^2 = d^2
-    is a quadratic equation in d. ``root`` is -1 for its smaller solution, 1 for the larger.
+    is a quadratic equation in d. ``root`` is -1 for the smaller solution and 1 for the larger.
     """
     ax, ay, bx, by = ax - tx, ay - ty, bx - tx, by - ty
     determinant = 2.0 * (ax * by - ay * bx)
@@ -130,7 +130,7 @@ def locate_one(z0, z1, R0, R1, tx, ty, ax, ay, bx, by, root, row, x, P, J):
     """State x[row] = (x, y, xdot, ydot) and its covariance P[row] from z = (r, rdot) and R at both receivers.
 
     P is exact to first order: J (4, 4), scratch space, is the inverse of the Jacobian of the four measured numbers.
-    Both are NaN where the two range ellipses do not intersect.
+    Both are NaN if the two range ellipses do not intersect.
     """
     x[row, 0], x[row, 1] = half_ellipse_crossing(z0[0], z1[0], tx, ty, ax, ay, bx, by, root)
     px, qx, axx, axy, ayy = directions(x[row, 0], x[row, 1], tx, ty, ax, ay)
@@ -139,7 +139,7 @@ def locate_one(z0, z1, R0, R1, tx, ty, ax, ay, bx, by, root, row, x, P, J):
     i00, i01, i10, i11 = qy / determinant, -qx / determinant, -py / determinant, px / determinant
     vx, vy = i00 * z0[1] + i01 * z1[1], i10 * z0[1] + i11 * z1[1]
     x[row, 2], x[row, 3] = vx, vy
-    # rates depend on the position too: d rdot / d p = v' d2 r
+    # rates depend also on the position: d rdot / d p = v' d2 r
     c00, c01, c10, c11 = axx * vx + axy * vy, axy * vx + ayy * vy, bxx * vx + bxy * vy, bxy * vx + byy * vy
     m00, m01, m10, m11 = c00 * i00 + c01 * i10, c00 * i01 + c01 * i11, c10 * i00 + c11 * i10, c10 * i01 + c11 * i11
     J[0, 0], J[0, 1], J[0, 2], J[0, 3] = i00, 0.0, i01, 0.0

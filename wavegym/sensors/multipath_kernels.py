@@ -1,8 +1,8 @@
 """Kernels of ``multipath.py``: from which points each mirror image of an antenna is visible.
 
 A wall is (x0, y0, x1, y1) with the outside on its right-hand side. A ray that reflects at one wall or two reaches a
-point as if it came straight from the image of the antenna in these walls. The check runs backwards: from the point to
-the last wall, to the wall before, and to the antenna. A sight table has the answer for the cells of a grid.
+point as if it came straight from the image of the antenna in these walls. The check follows the ray backwards: from the
+point to the last wall, to the wall before it, and to the antenna. A sight table has the result for the cells of a grid.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from wavegym.core.kernels import inlined, kernel
 
-NONE = -1  # in place of a wall
-MOST_WALLS = 2  # of a propagation path; with the reflection at the target these are the three of the paper
+NONE = -1  # instead of a wall's number
+MOST_WALLS = 2  # of a propagation path; with the reflection at the target, the three reflections of the paper
 
 
 @inlined
@@ -37,7 +37,7 @@ def along(x, y, u, v, wall):
 
 @inlined
 def clear(x, y, u, v, walls, one, other):
-    """Whether no wall except ``one`` and ``other`` blocks (x, y) to (u, v); the end of a wall blocks too."""
+    """Whether (x, y) sees (u, v); the walls ``one`` and ``other`` do not block. The end of a wall blocks."""
     dx, dy = u - x, v - y
     for w in range(len(walls)):
         if w != one and w != other:
@@ -121,17 +121,17 @@ def bounces(points, antenna, images, firsts, via, walls):
 
 
 class SightTable(NamedTuple):
-    """Cells of a ``wavegym.sensors.multipath.Grid``; beyond its edge a point counts as in the nearest cell."""
+    """Cells of a ``wavegym.sensors.multipath.Grid``; a point outside the grid counts as in the nearest cell."""
 
     west: float  # m
     south: float  # m
     per_metre: float  # cells
-    clear: NDArray[np.bool_]  # (column, row); no column where nothing can hide
+    clear: NDArray[np.bool_]  # (column, row); no columns if nothing can hide a target
 
 
 @inlined
 def is_clear(x, y, table):
-    """Whether every antenna is visible from the middle of the cell of (x, y); not finite: of the first cell."""
+    """Whether every antenna is visible from the centre of the cell of (x, y); not finite: of the first cell."""
     column = int((x - table.west) * table.per_metre)
     row = int((y - table.south) * table.per_metre)
     return table.clear[

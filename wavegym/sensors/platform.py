@@ -33,8 +33,8 @@ def platform_measurement(state: ArrayLike, platform: ArrayLike, as_printed: bool
         state: x = [x xdot y ydot] in m and m/s, (..., 4).
         platform: (x, y, look direction) in m, m and rad, (..., 3); the look direction is clockwise from +y. Leading
             axes broadcast with those of ``state``.
-        as_printed: use the paper's range-rate, whose second term has the wrong sign, and its arcsin(dx / r), which does
-            not distinguish a target behind the platform from one in front.
+        as_printed: use the paper's formulas. The second term of its range-rate has the wrong sign. Its arcsin(dx / r)
+            does not distinguish a target behind the platform from one in front.
 
     Returns:
         (r in m, rdot in m/s, azimuth in rad from the look direction, wrapped to [-pi, pi]), (..., 3). rdot is positive

@@ -1,4 +1,4 @@
-"""RF/EO measurements and penalties in compiled form, for ``platform.py``."""
+"""Compiled RF/EO measurements and penalties, for ``platform.py``."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -13,7 +13,7 @@ LOGISTIC, HARD, DEADZONE, LOG_BARRIER, HUBER = 0, 1, 2, 3, 4
 NEGLIGIBLE = 90.0  # e^-90 is 1e-39: below the rounding of any variance at any height
 CELL = 1.0 / 12.0  # variance of a uniform error in a cell of width 1
 HALF_C = 0.5 * SPEED_OF_LIGHT
-FULL_CIRCLE = np.pi * (1.0 - 1e-9)  # half an image of at least this angle covers the full circle, up to rounding
+FULL_CIRCLE = np.pi * (1.0 - 1e-9)  # an image with half this angle covers the full circle, up to rounding
 
 
 @inlined
@@ -24,7 +24,7 @@ def wrapped(angle):
 
 @inlined
 def bearing(dx, dy):
-    """atan2(dx, dy), the angle clockwise from +y, in a third of the time of atan2; 0 for dx = dy = 0."""
+    """atan2(dx, dy), the angle clockwise from +y, three times as fast as atan2; 0 for dx = dy = 0."""
     if abs(dx) > abs(dy):
         return np.copysign(0.5 * np.pi, dx) - np.arctan(dy / dx)
     if dy > 0.0:
@@ -118,7 +118,7 @@ def measure(state, platform, printed, z, nn, mm):
 
 @batched("(n),(m),()->(m,n)")
 def jacobian(state, platform, printed, H, nn, mm):
-    """H = d(r, rdot, azimuth) / d[x xdot y ydot]; the azimuth's row is 0 at the platform itself."""
+    """H = d(r, rdot, azimuth) / d[x xdot y ydot]; at the platform itself the row of the azimuth is 0."""
     for e in range(state.shape[0]):
         x, vx, y, vy = state[e, 0], state[e, 1], state[e, 2], state[e, 3]
         sx, sy, look = platform[e, 0], platform[e, 1], platform[e, 2]

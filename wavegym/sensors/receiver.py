@@ -329,10 +329,10 @@ class NoiseLaw(NamedTuple):
 def noise_law(covariance: Array, is_symmetric: bool) -> NoiseLaw:
     """Factors of noise of a stationary covariance.
 
-    The covariance K of stationary noise is Hermitian and Toeplitz. With y = Q z, where y = z1 + i z2 in the first half
-    of the cells and z1 - i z2 in the second, reversed, that of z is real (Lee, "Centrohermitian and
+    The covariance K of stationary noise is Hermitian and Toeplitz. Let y = Q z: y = z1 + i z2 in the first half of the
+    cells and z1 - i z2, reversed, in the second half. Then the covariance of z is real (Lee, "Centrohermitian and
     skew-centrohermitian matrices", Linear Algebra Appl. 29, 1980): K = Q R Q^H, R = F^T F. If K is real, z1 and z2 are
-    independent. Eigenvectors of R whose power is rounding are left out: the law is that of K to fifteen digits.
+    independent. Eigenvectors of R with a power of rounding size are left out; the law is that of K to fifteen digits.
 
     Args:
         covariance: of a complex output of unit-variance samples with the one d cells earlier, (d,).

@@ -1,7 +1,7 @@
 """Kernels of ``receiver.py``: outputs of matched filters at the elements of an array, Doppler, peaks of the image.
 
-Complex numbers are two rows, real and imaginary parts, with delay cells along the last axis: so compilers make vector
-instructions of the loops. Outputs are (pulse, element, 2, delay), images (Doppler, element, 2, delay).
+Complex numbers are two rows, real and imaginary parts, with delay cells along the last axis, so that compilers
+vectorise the loops. Outputs are (pulse, element, 2, delay), images (Doppler, element, 2, delay).
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -13,7 +13,7 @@ from wavegym.core.counter_rng_kernels import cosines_and_sines, fill_normals
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.geometry_kernels import direction_variance
 
-SPARE = 2  # cells of the table of responses before the earliest that an echo needs
+SPARE = 2  # spare cells of the table of responses before the earliest cell that an echo needs
 
 
 @kernel
@@ -41,11 +41,11 @@ def add_echoes(delays, amplitudes, carrier, rate, latest, table, outputs):
     """Add the echo of each path to outputs (pulse, element, 2, delay): amplitude x response(cell - rate x delay).
 
     table (phase + 3, 1 or 2, lag) holds the real part of the response of the matched filter to a pulse, and its
-    imaginary part if there is one. Its rows are even fractions of a cell from one before 0 to one beyond 1; column l
-    is at l - delays of outputs - ``SPARE`` cells. In between, a polynomial of third degree through four rows.
-    All elements share the envelope delay of the array centre: they are half a wavelength apart.
+    imaginary part if there is one. Its rows are even fractions of a cell, from one before 0 to one beyond 1. Column l
+    is at l - delays of outputs - ``SPARE`` cells. Between rows the response is a cubic polynomial through four rows.
+    All elements have the envelope delay of the array centre, because they are half a wavelength apart.
 
-    delays (path, pulse, element), s; a path with one beyond ``latest`` is not received; ``rate``: cells per second.
+    delays (path, pulse, element), s; a path with a delay beyond ``latest`` is not received; ``rate``: cells per second.
     """
     paths, pulses, elements = delays.shape
     cells = outputs.shape[3]
@@ -76,7 +76,7 @@ def add_echoes(delays, amplitudes, carrier, rate, latest, table, outputs):
 
 @kernel
 def _interpolate(table, phase, part, start, x, out):
-    """Lagrange's polynomial through four rows of the table, from ``phase`` on, at -1, 0, 1 and 2; its value at x."""
+    """Value at x of Lagrange's polynomial through four rows of the table, from ``phase`` on, at -1, 0, 1 and 2."""
     before, here = table[phase, part, start : start + len(out)], table[phase + 1, part, start : start + len(out)]
     next_one, last = table[phase + 2, part, start : start + len(out)], table[phase + 3, part, start : start + len(out)]
     a, b, c, d = x + 1.0, x, x - 1.0, x - 2.0
@@ -87,15 +87,15 @@ def _interpolate(table, phase, part, start, x, out):
 
 @kernel
 def add_noise(key, mean_key, mean_scale, rank, factors, second, outputs):
-    """Add the noise of a train to outputs (pulse, element, 2, delay), less that of a mean over many trains.
+    """Add the noise of a train to outputs (pulse, element, 2, delay), minus the noise of a mean over many trains.
 
-    Normals times factors are the real and imaginary parts of a and b, of half as many cells: noise is a + i b in the
-    first cells and a - i b in the last, reversed. factors, ``rank`` and ``second``: see ``receiver.NoiseLaw``. The mean
-    is the same at all pulses, drawn from ``mean_key``; ``mean_scale``: its standard deviation over that of a pulse.
-    Blocks of pulses stay in the cache.
+    Normals times factors are the real and imaginary parts of a and b, each with half as many cells. The noise is a + i
+    b in the first cells and a - i b, reversed, in the last. factors, ``rank`` and ``second``: see
+    ``receiver.NoiseLaw``. The mean is drawn from ``mean_key`` and is the same at all pulses; ``mean_scale`` is the
+    ratio of its standard deviation to that of a pulse. Blocks of pulses stay in the cache.
     """
     pulses, elements, _, _ = outputs.shape
-    rows = 2 * elements  # of normals of a pulse; two pulses have a multiple of four
+    rows = 2 * elements  # rows of normals of a pulse; those of two pulses are a multiple of four
     mean, weights = np.zeros((rows, rank)), np.empty((2 * rows, rank))
     if mean_scale > 0.0:
         fill_normals(mean_key, 0, mean.reshape(-1))
@@ -133,7 +133,7 @@ def _join(a, b, output):
 def multiply(a, first, b, out):
     """out (n, m) = a[:, first : first + k] @ b (k, m); n and k are multiples of four.
 
-    No library: every processor finds the same last bits, and small products start no threads.
+    Without a library every processor gives the same last bits, and small products start no threads.
     """
     for i in range(0, len(out), 4):
         out[i : i + 4] = 0.0
@@ -217,7 +217,7 @@ def _fold(outputs, m, kind, terms):
 def find_peaks(image, threshold, beams, directions, solve, own, pulses, margin, found, peaks):
     """Peaks of an image (Doppler, element, 2, delay) above the threshold; return their number. See ``fit_peaks``.
 
-    found (most, 2) and peaks (most, 8) are filled; the others: see ``drop_sidelobes`` and ``fit_peaks``.
+    Fills found (most, 2) and peaks (most, 8). For the other arguments see ``drop_sidelobes`` and ``fit_peaks``.
     """
     power = np.empty((image.shape[0], image.shape[3]))
     brightest(image, threshold, beams, power)
@@ -229,9 +229,9 @@ def find_peaks(image, threshold, beams, directions, solve, own, pulses, margin, 
 
 @kernel
 def brightest(image, threshold, beams, power):
-    """power (Doppler, delay) of image (Doppler, element, 2, delay) in the strongest beam; 0 where below the threshold.
+    """power (Doppler, delay) of image (Doppler, element, 2, delay) in the strongest beam; 0 below the threshold.
 
-    No beam has more power than the number of elements times the sum of their powers: most cells need no beam.
+    No beam has more power than the number of elements times the sum of their powers. So most cells need no beam.
     """
     dopplers, elements, _, delays = image.shape
     total = np.empty(delays)
@@ -270,8 +270,8 @@ def _steered(image, d, f, beam):
 def find_maxima(power, threshold, found):
     """Write (delay, Doppler) of local maxima of power (Doppler, delay) above the threshold to found (most, 2).
 
-    Returns their number. The first and last delay are left out; Doppler is periodic. Only the ``most`` strongest
-    maxima are kept, in the order of their strength.
+    Returns their number. The first and the last delay are excluded; Doppler is periodic. Only the ``most`` strongest
+    maxima are kept, in order of strength.
     """
     dopplers, delays = power.shape
     count = 0
@@ -307,7 +307,7 @@ def _is_maximum(power, d, f):
 
 @kernel
 def drop_sidelobes(image, power, beams, found, count, delay_decay, pulses, margin):
-    """Keep the maxima that exceed the lobes of all stronger maxima; return how many are kept. Strongest first.
+    """Keep the maxima that exceed the lobes of all stronger maxima, strongest first; returns how many are kept.
 
     The main lobe is Gaussian in delay, exp(-delay_decay cells^2), and one resolution cell wide in Doppler. Beyond it, a
     train of B = ``pulses`` has Doppler sidelobes 1 / (B sin(pi x / B))^2, x in resolution cells, relative to the power
@@ -335,11 +335,11 @@ def fit_peaks(image, found, count, solve, directions, own, peaks):
     """Fit log|A|^2 = a - (x - x0)^T C (x - x0) about each maximum, in cells.
 
     peaks (peak, 8) = x0, C00, C01, C11, eta, the spatial frequency of the direction in cycles per element, and the
-    power that one plane wave leaves at the elements, relative to that of noise: more if two paths share the cell.
+    power that one plane wave does not explain, relative to that of noise. It is larger if two paths share the cell.
 
-    solve (6, 9) maps the nine log powers, in the direction of greatest power, to the coefficients of
-    1, d, f, d^2, df, f^2. A fit without a maximum within a cell is replaced by the centre of the cell and by ``own``
-    (C00, C01, C11), the curvature of the waveform. directions (direction, element): the beams that are tried first.
+    solve (6, 9) maps the nine log powers, in the direction of greatest power, to the coefficients of 1, d, f, d^2, df,
+    f^2. If a fit has no maximum within a cell, the centre of the cell and ``own`` (C00, C01, C11), the curvature of the
+    waveform, replace it. directions (direction, element): the beams that are tried first.
     """
     beam, logs, c = np.empty(image.shape[1], np.complex128), np.empty(9), np.empty(6)
     for i in range(count):
@@ -367,10 +367,10 @@ def fit_peaks(image, found, count, solve, directions, own, peaks):
 
 @kernel
 def _rest(image, d, f, beam):
-    """Power of a cell that a plane wave leaves, over its mean in noise; 1 for one element.
+    """Power of a cell that a plane wave does not explain, divided by its mean in noise; 1 for one element.
 
-    Noise has the power 1 / L at each of L elements. Of L complex numbers the wave explains one, and its direction half
-    a number.
+    Noise has the power 1 / L at each of L elements. The wave explains one of L complex numbers, and its direction
+    another half.
     """
     elements = len(beam)
     if elements == 1:
@@ -383,7 +383,7 @@ def _rest(image, d, f, beam):
 
 @kernel
 def _direction(image, d, f, directions):
-    """Spatial frequency of greatest power: the best of ``directions``, and the vertex of a parabola through three."""
+    """Spatial frequency of greatest power: vertex of a parabola through the best direction and its neighbours."""
     count, best, at = len(directions), -1.0, 0
     for k in range(count):
         power = _steered(image, d, f, directions[k])
@@ -406,7 +406,7 @@ def measurements(peaks, cells, dopplers, elements, z, R, snr):
         x, y, C00, C01, C11, eta, u, rest = peaks[i]
         turns = y / dopplers
         z[i, 0], z[i, 1] = x * cells[0], cells[1] * dopplers * (turns - np.rint(turns))
-        z[i, 2] = -2.0 * (u - np.rint(u))  # the phase falls along the beam: half a cycle per element
+        z[i, 2] = -2.0 * (u - np.rint(u))  # the phase decreases along the beam by half a cycle per element
         scale = 1.0 / ((C00 * C11 - C01 * C01) * eta)
         R[i, 0, 0], R[i, 1, 1] = cells[0] ** 2 * C11 * scale, cells[1] ** 2 * C00 * scale
         R[i, 0, 1] = R[i, 1, 0] = -cells[0] * cells[1] * C01 * scale

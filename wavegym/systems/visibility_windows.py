@@ -111,7 +111,7 @@ def visibility(system: Any, draws: Array, targets: int) -> Array:
 
 
 class Coming(NamedTuple):
-    """What the windows say of the next step and those after it, (env, target) each."""
+    """What is known from the windows about the next steps, (env, target) each."""
 
     now: Array  # bool: visible in the next step
     changes: Array  # int: steps until that changes, at most ``most``

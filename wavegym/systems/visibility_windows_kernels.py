@@ -1,4 +1,4 @@
-"""Windows of visibility in compiled form: what comes next is observed in every step."""
+"""Compiled windows of visibility: every step observes the coming ones."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Random target paths in compiled form: they are drawn at every reset of an episode."""
+"""Compiled random target paths, which are drawn at every reset."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def scan(step: FloatArray, start: FloatArray, noise: FloatArray, nn: Sizes) -> F
         step: [F L] with the lower triangular L, (n, 2 n); one array, because each argument costs 0.2 us per call.
         start: x_0, (n,).
         noise: standard normal w_k, (steps, n).
-        nn: n zeros; the compiler knows the length of a tuple.
+        nn: a tuple of n zeros; the compiler knows its length.
 
     Returns:
         x_0 ... x_steps, (steps + 1, n).

@@ -61,9 +61,9 @@ def fill_heights(times: FloatArray, height: FloatArray) -> tuple[FloatArray, boo
 def flyable(times: FloatArray, positions: FloatArray, max_acceleration: float) -> Mask:
     """Mask (report,) of the reports that a target can reach with at most ``max_acceleration`` [m/s²].
 
-    A position with a time stamp s seconds late lies s times the speed behind the path. The suspicion of a report is its
-    distance to the chord between its neighbours relative to the greatest distance under an acceleration a,
-    a h₁ h₂ / 2 (h: the times to the neighbours). Reports are removed until no suspicion exceeds 1. Each removal
+    A position whose time stamp is s seconds late lies behind the path by s times the speed. The suspicion of a report
+    is a ratio: its distance to the chord between its neighbours, divided by the greatest distance under an acceleration
+    a, a h₁ h₂ / 2 (h: the times to the neighbours). Reports are removed until no suspicion exceeds 1. Each removal
     takes the worst report or a neighbour: the one that leaves the fewest suspects, then the least total suspicion.
 
     Args:

@@ -117,11 +117,11 @@ def check_vector_env(
 ) -> None:
     """Compare a native vector environment bit for bit with SyncVectorEnv over single environments.
 
-    The check plays whole episodes with random valid actions in the three autoreset modes, with 1 and 3 environments,
-    integer and list seeds, partial resets, truncation by ``max_episode_steps``, and an unpickled copy that continues in
-    mid-episode. Returned values must be finite. Returned arrays must belong to the caller: the check overwrites them.
-    Each environment's seed alone must decide its episode. A larger batch must stay inside its spaces.
-    Of a wavegym system it also checks ``predict``, ``cost``, ``mask`` and the shortcuts.
+    The check plays whole episodes with random valid actions in the three autoreset modes, with 1 and 3 environments. It
+    also tries integer and list seeds, partial resets, truncation by ``max_episode_steps``, and an unpickled copy that
+    continues in mid-episode. Returned values must be finite. Returned arrays must belong to the caller: the check
+    overwrites them. Only its seed may decide an environment's episode. A larger batch must stay inside its spaces. If
+    the system is a wavegym system, the check also covers ``predict``, ``cost``, ``mask`` and the shortcuts.
 
     Args:
         env: an id, whose single environments come from ``gym.make``; or a function ``(num_envs=, autoreset_mode=)``

@@ -26,7 +26,7 @@ NEARLY = 0.1  # relative: a local search, such as sensor by sensor, may miss the
 
 
 class Sample(NamedTuple):
-    """What a check is given: a state of a batch of episodes, their worlds, and some candidates (few, ...)."""
+    """The input of a check: a state of a batch of episodes, their worlds, and some candidates (few, ...)."""
 
     state: Any
     world: Any
@@ -296,7 +296,7 @@ def _gain_per_second(system: Any, at: Sample) -> str | None:
 def _resting_cost(system: Any, at: Sample) -> str | None:
     waited = system.predict(at.belief, np.repeat(system.candidates()[-1:], WORLDS, axis=0))
     got, want = shortcuts.resting_cost(system, at.belief, float(system.duration(waited)[0])), system.cost(waited)
-    off = _differ(got, want, want, NEARLY)  # targets that come in the meantime may be left out
+    off = _differ(got, want, want, NEARLY)  # targets that appear in the meantime may be left out
     return f"resting_cost() is {got.tolist()}, but a wait costs {want.tolist()}" if off else None
 
 

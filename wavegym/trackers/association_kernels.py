@@ -1,4 +1,4 @@
-"""Joint association and LMIPDA in compiled form; ``association.py`` holds the public functions.
+"""Compiled joint association and LMIPDA; ``association.py`` has the public functions.
 
 W (T, M+1) holds the weights of one problem, all >= 0. W[t, 0] is the weight of "target t is missed". W[t, m] is the
 weight of "measurement m comes from target t" relative to "m is clutter". A feasible association gives each target at
@@ -6,18 +6,18 @@ most one measurement and each measurement at most one target. Its weight is the 
 is the sum of the weights of all feasible associations.
 
 Targets that share measurements form a cluster, and Z is the product over clusters. Most clusters have one or two
-targets, which are solved in a few M steps. Larger ones, and weights beyond 1e+-200, take dynamic programming over sets
-A of targets (bit masks). f_m[A] is the sum over all assignments of the measurements 1 to m to exactly the targets A.
-g_m[A] is the sum over all completions with the other measurements and targets:
+targets and are solved in a few times M operations. Larger clusters, and weights beyond 1e+-200, are solved by dynamic
+programming over sets A of targets (bit masks). f_m[A] is the sum over all assignments of the measurements 1 to m to
+exactly the targets A. g_m[A] is the sum over all completions with the other measurements and targets:
 
     f_m[A] = c_m f_{m-1}[A] + sum_{t in A} W[t, m] f_{m-1}[A - t],          f_0[{}] = 1, f_0[A] = 0
     g_{m-1}[A] = c_m g_m[A] + sum_{t not in A} W[t, m] g_m[A + t],          g_M[A] = prod_{t not in A} W[t, 0]
     Z = sum_A f_M[A] g_M[A],    beta[t, m] = W[t, m] sum_{A without t} f_{m-1}[A] g_m[A + t] / Z
 
-in M T 2^T steps and without a subtraction. Entries are scaled by powers of two, 2^-u_t for a target and 2^-p_m for a
-measurement. The clutter weight of measurement m is then c_m = 2^-p_m instead of 1. The scaling is exact and undone in
-log Z.
-A problem without a solution gives NaN, never an exception. The caller ensures that weights are not negative.
+This takes M T 2^T operations and no subtraction. Entries are scaled by powers of two, 2^-u_t for a target and 2^-p_m
+for a measurement. The clutter weight of measurement m is then c_m = 2^-p_m instead of 1. The scaling is exact and is
+undone in log Z. A problem without a solution gives NaN, never an exception. The caller ensures that weights are not
+negative.
 
 LMIPDA takes one receiver's scan, several tracks with existence probabilities and several models each; arrays hold the
 tracks of one environment.
@@ -33,8 +33,8 @@ import numpy as np
 from wavegym.core.kernels import inlined, kernel
 
 CLUSTER_LIMIT = 10  # targets that share measurements, directly or through others: 2^10 sets of them
-IMPOSSIBLE = -40_000  # exponent of 0: below that of any product of CLUSTER_LIMIT doubles
-# With entries <= 1 all underflow adds up to less than 1e-270, which is negligible beside a Z of this size.
+IMPOSSIBLE = -40_000  # the exponent of 0: smaller than that of any product of CLUSTER_LIMIT doubles
+# With entries <= 1 all underflow adds up to less than 1e-270, which is negligible if Z is this large.
 SAFE = 1e-200
 LN2 = math.log(2.0)
 
@@ -70,7 +70,7 @@ def log_evidence_of_several(W, T, M, f):
 
 @kernel
 def log_of(Z, u, p):
-    """Log of Z with the scales undone; NaN where no association is feasible or a weight is not finite."""
+    """Log of Z with the scales undone; NaN if no association is feasible or a weight is not finite."""
     return np.log(Z) + LN2 * (u.sum() + p.sum()) if 0.0 < Z < np.inf else np.nan
 
 
@@ -79,8 +79,8 @@ def forward(W, rows, T, columns, M, u, p, V, c, F, G, stride):
     """Choose scales u, p, fill the scaled V (T, M+1), c and G = g_M, run f_0 to f_M; return the scaled Z.
 
     p is zero on entry. f_m begins at m * stride in F: a stride of 2^T keeps all of them, a stride of 0 only the last.
-    The scales u are enough unless Z underflows beside the product of the targets' best weights, because several
-    targets compete for one measurement. Then ``auction`` chooses u and p.
+    The scales u are sufficient, except if several targets compete for one measurement and Z underflows relative to the
+    product of the targets' best weights. Then ``auction`` chooses u and p.
     """
     for t in range(T):
         u[t] = top_exponent(W, rows[t], columns, M)
@@ -147,7 +147,7 @@ def backward(rows, T, columns, M, V, c, F, G, Z, beta):
 
 @kernel
 def auction(W, rows, T, columns, M, u, p):
-    """Choose u, p so that all entries are <= 1 and one association has factors >= 1/4 only: Z cannot underflow.
+    """Choose u, p so that all entries are <= 1 and all factors of one association are >= 1/4: Z cannot underflow.
 
     Bertsekas' auction on the binary exponents, with bids of at least one. Measurements are goods with prices p;
     "missed" is free. u is the value of a target's best choice at the final prices.
@@ -193,7 +193,7 @@ def associate(W, beta, log_evidence):
 def associate_one(W, T, M, beta):
     """Fill the marginals beta (T, M+1) and return log Z; W and beta may be larger than the (T, M+1) in use.
 
-    Log Z and beta are NaN where no association is feasible or a cluster has more targets than CLUSTER_LIMIT.
+    Log Z and beta are NaN if no association is feasible or a cluster has more targets than CLUSTER_LIMIT.
     """
     for t in range(T):
         for m in range(M + 1):
@@ -282,7 +282,7 @@ def pair(W, a, b, M, beta):
         rows = np.full(2, a)
         rows[1] = b
         return several(W, rows, 2, np.arange(M + 1), M, beta)
-    first, second = W[a, 0], W[b, 0]  # sums of the columns before m, then after m: no subtraction
+    first, second = W[a, 0], W[b, 0]  # sums of the columns before m, then after m, so that nothing is subtracted
     for m in range(1, M + 1):
         beta[a, m], beta[b, m] = second, first
         first += W[a, m]
@@ -308,7 +308,7 @@ def share(W, M):
 
 @kernel
 def label_clusters(W, T, M, label):
-    """Set label[t] to the first target of the cluster of t: targets that share measurements, also through others."""
+    """Set label[t] to the first target of the cluster of t: targets that share measurements, perhaps through others."""
     for t in range(T):
         label[t] = t
     for m in range(1, M + 1):
@@ -358,7 +358,7 @@ def members(W, T, M, label, first, rows, columns):
 def claims(t, p, mu, pd, existence, density, count, own, claim):
     """own[t] = p^(t)_i = sum_r mu_r p^(t,r)_i, and claim[t] = p^(t)_i P^(t)_i / (1 - P^(t)_i), (measurement,).
 
-    P^(t)_i is the probability that measurement i comes from track t, without regard to the other tracks.
+    P^(t)_i is the probability that measurement i comes from track t if there are no other tracks.
     """
     total = 0.0
     for i in range(count):

@@ -8,13 +8,13 @@ multiplies the histories by the returns in their gates. The tracker keeps at mos
    (``joint_association``): a return belongs to one target at most.
 3. Every component branches: a hypothesis for each return in its gate, and one for the miss. Hypotheses of negligible
    weight are merged with the miss of their parent, as in probabilistic data association: nothing is pruned.
-4. The hypotheses are merged down to C components. From the heaviest down, each joins the component with which merging
-   costs least by Runnalls's bound on the Kullback-Leibler divergence, if that cost is negligible or no place is free;
-   else it becomes a component.
+4. The hypotheses are merged to at most C components, in order of decreasing weight. Each one joins the component with
+   the lowest cost of merging, by Runnalls's bound on the Kullback-Leibler divergence. It does so only if this cost is
+   negligible or no place is free; otherwise it becomes a component.
 
 Merging preserves the mean and the covariance of the mixture. So the covariance of the belief includes hypotheses that
 disagree, and an unlikely hypothesis adds cost until the scans refute it. With one component the tracker is JPDA. With
-one target and as many components as histories it is the exact Bayes filter, but for the unscented transform. Between
+one target and as many components as histories it is the exact Bayes filter, except for the unscented transform. Between
 scans the targets are independent: the dependence of targets that shared returns in earlier scans is neglected, as in
 JPDA. There are no random numbers.
 
@@ -115,8 +115,9 @@ def mixture_update(
         clutter_density: false returns per m x m/s, > 0.
         gate: radius of each component's gate in standard deviations; inf: no gates.
         gate_probability: probability that a detected target's return lies in its component's gate.
-        negligible: a hypothesis whose weight is below ``negligible`` / C is merged into its parent's, and components
-            that merge at a cost of at most ``negligible`` / C nats are merged even if there is room; 0 merges none.
+        negligible: limit of merging. A hypothesis with a weight below ``negligible`` / C is merged into its parent's.
+            Components whose merge costs at most ``negligible`` / C nats are merged even if there is room. 0 merges
+            none.
 
     Returns:
         See ``MixtureUpdate``.

@@ -1,7 +1,7 @@
-"""Gaussian-mixture tracking in clutter, in compiled form; ``gaussian_mixture.py`` describes the method.
+"""Compiled Gaussian-mixture tracking in clutter; ``gaussian_mixture.py`` describes the method.
 
 ``mixtures`` = (weight (t, c), X (t, c, n), V (t, c, n, n)): the mixture of each target t of one environment. The
-components in use come first; the others have the weight 0. In flat arrays component c of target t is row g = t C + c.
+components in use come first; the others have weight 0. In flat arrays component c of target t is row g = t C + c.
 ``bank`` = (centre (g, 2), L (g, 2, 2), G (g, n, 2), S, A): each component's predicted measurement, the factor L of its
 innovation covariance, its cross-covariance, and scratch space.
 """
@@ -63,7 +63,7 @@ def predict_mixtures(mixtures, present, F, Q, mixtures_out, nn):
 
 @kernel
 def workspace(rows, nn):
-    """An empty ``bank`` of so many rows."""
+    """An empty ``bank`` with this number of rows."""
     n = len(nn)
     return (
         np.empty((rows, 2)), np.empty((rows, 2, 2)), np.empty((rows, n, 2)), np.empty((rows, 2, 2)),
@@ -92,8 +92,7 @@ def predict_bank(mixtures, lit, noise, sx, sy, bank, opened, nn):
 def update_mixtures(lit, mixtures, z, count, pd, bank, gate, gate_probability, density, negligible, nn):
     """Update the mixtures of all lit targets by one sensor's scan z[: count]; return its log evidence.
 
-    The predicted mixtures are overwritten. pd (t,). A return is associated with the components in whose gate it
-    lies.
+    The predicted mixtures are overwritten. pd (t,). A return is associated with the components whose gate contains it.
     """
     weight, X, V = mixtures
     T, row, limit = np.sum(lit), 0, negligible / weight.shape[1]
@@ -114,9 +113,9 @@ def update_mixtures(lit, mixtures, z, count, pd, bank, gate, gate_probability, d
 def weigh(lit, weight, z, count, pd, bank, gate, gate_probability, density, W):
     """Add the weights of all components of the lit targets to W (lit target, 1 + return); return their ``pairs``.
 
-    ``pairs`` = (missed (g,), begin (g,), end (g,), number (p,), term (p,), white (p, 2)): the weight of a miss of
-    component g, and, from p = begin[g] to end[g], the returns in its gate by number m = 1, 2, ..., their weights
-    and their whitened innovations.
+    ``pairs`` = (missed (g,), begin (g,), end (g,), number (p,), term (p,), white (p, 2)). missed is the weight of a
+    miss of component g. From p = begin[g] to end[g] are the returns in its gate: their numbers m = 1, 2, ..., weights
+    and whitened innovations.
     """
     most, used, row, filled = weight.shape[1], 0, 0, 0
     for t in range(len(lit)):
@@ -147,8 +146,10 @@ def weigh(lit, weight, z, count, pd, bank, gate, gate_probability, density, W):
 
 @inlined
 def keep_near(first, end, z, count, centre, L, gate, near, z0, z1):
-    """Copy those of z[: count] in the box around the gates first to end - 1 to z0, z1, and their numbers, from 1 on, to
-    ``near``; returns how many. Rounding loses none that a gate holds: the box is wider by BOX_SLACK.
+    """Copy the returns of z[: count] in the box around the gates first to end - 1 to z0, z1; returns how many.
+
+    ``near`` receives their numbers, which begin with 1. The box is wider by BOX_SLACK, so that rounding loses no return
+    in a gate.
     """
     low0, high0, low1, high1, kept = np.inf, -np.inf, np.inf, -np.inf, 0
     for g in range(first, end):
@@ -165,11 +166,11 @@ def keep_near(first, end, z, count, centre, L, gate, near, z0, z1):
 
 @inlined
 def weigh_one(g, near, z0, z1, kept, centre, L, pd, weight, density, farthest, squared, number, term, white, filled):
-    """Append those of component g's returns near, z0, z1 [: kept] whose squared distance is below ``farthest`` to the
-    pairs from ``filled``; returns the end.
+    """Append the returns of component g with a squared distance below ``farthest`` to the pairs from ``filled``.
 
-    The weight of a return is that of ``weigh_row`` times the component's. The distances of all returns, squared
-    (kept,), come first and without a branch, as the compiler then works on several at once.
+    The returns are near, z0, z1 [: kept]. Returns the new end. The weight of a return is that of ``weigh_row`` times
+    the component's. The distances of all returns, squared (kept,), are computed first and without a branch, so that the
+    compiler vectorises the loop.
     """
     begin, first, below, second = filled, 1.0 / L[g, 0, 0], L[g, 1, 0], 1.0 / L[g, 1, 1]
     peak, c0, c1 = peak_of(pd, first, second, density), centre[g, 0], centre[g, 1]
@@ -191,9 +192,9 @@ def weigh_one(g, near, z0, z1, kept, centre, L, pd, weight, density, farthest, s
 def branch(t, weight, X, V, pairs, scale, row, bank, least, nn):
     """The posterior of target t before its reduction: weights w, means x, covariances P, and their number.
 
-    A weight of ``pairs`` times scale[row, m] is that of the hypothesis that its component holds and its return is m
-    (0: missed). One of at least ``least`` becomes a component. The others of a parent, the miss included, become one:
-    its own PDA update.
+    A weight of ``pairs`` times scale[row, m] is the weight of a hypothesis: its component is true and its return is m
+    (0: missed). A hypothesis with a weight of at least ``least`` becomes a component. The other hypotheses of a parent,
+    with the miss, become one component: the PDA update of the parent.
     """
     n, most, parents, children = len(nn), weight.shape[1], in_use(t, weight), in_use(t, weight)
     (_, L, G), (missed, begin, end, number, term, white) = bank[:3], pairs
@@ -213,9 +214,10 @@ def branch(t, weight, X, V, pairs, scale, row, bank, least, nn):
 @inlined
 def branch_one(g, x_all, P_all, missed, begin, end, number, term, white, scale, row, L, G, least, w, x, P, filled, U,
                nn):  # fmt: skip
-    """``branch`` for the component g, which fills w, x and P from ``filled`` on; returns how many are filled then.
+    """``branch`` for component g: fills w, x and P from ``filled`` on; returns the new number of filled ones.
 
-    The sums s and q are moments of the whitened innovations of the light hypotheses. U (n, 2) is scratch space.
+    The sums s and q are moments of the whitened innovations of the hypotheses below ``least``. U (n, 2) is scratch
+    space.
     """
     first, below, second = 1.0 / L[g, 0, 0], L[g, 1, 0], 1.0 / L[g, 1, 1]
     for a in range(len(nn)):
@@ -258,9 +260,9 @@ def child_one(e, g, x_all, P_all, U, s0, s1, c00, c01, c11, x, P, nn):
 def reduce(w, x, P, count, similar, weight, X, V, nn):
     """Merge the Gaussians w, x, P [: count] into at most len(weight) components weight, X, V; moments are preserved.
 
-    From the heaviest down, a Gaussian joins the component with which merging costs least by Runnalls's bound, if that
-    is at most ``similar`` or no place is free; else it becomes a component. Of equal costs the first counts. w sums to
-    1. A merger is evaluated where its ``floor`` does not tell that it costs more.
+    The Gaussians are taken in order of decreasing weight. Each one joins the component with the lowest cost of merging
+    by Runnalls's bound, if this cost is at most ``similar`` or no place is free. Otherwise it becomes a component. If
+    costs are equal, the first counts. w sums to 1. A merger is not evaluated if its ``floor`` shows that it costs more.
     """
     n, most, used = len(nn), len(weight), 0
     logs, planar, floor, areas = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
@@ -298,15 +300,15 @@ def area_one(e, P):
 
 @inlined
 def merger_floors(v, i, x, P, flat, weight, X, V, planar, used, areas, bits, floor):
-    """Fill floor[: used], lower bounds of the costs to merge x[i], P[i] of weight v and each component; return the
-    component with the least one.
+    """Fill floor[: used] with lower bounds of the costs to merge x[i], P[i] of weight v with each component.
 
-    Runnalls's bound is v KL(own, merged) + w KL(component, merged): the traces of the two divergences cancel, because
-    merging preserves the covariance. No divergence is below that of the positions alone, and the merged positions are
-    the position of the merged state. So no cost is below the same formula of the positions' covariances. A lower bound
-    takes the place of its logarithm: with value = (1 + f) 2^k, log(1 + f) - f log 2 - f (1 - f) / 8 is concave for
-    0 <= f <= 1 and 0 at both ends. MARGIN covers rounding. flat, planar (c,): log |covariance of the position|; areas
-    (c,) is scratch space, bits (c,) the same memory as integers.
+    Returns the component with the least bound. Runnalls's bound is v KL(own, merged) + w KL(component, merged): the
+    traces of the two divergences cancel, because merging preserves the covariance. No divergence is below that of the
+    positions alone, and merging the positions gives the position of the merged state. So no cost is below the same
+    formula for the positions' covariances. The logarithm is replaced by a lower bound: with value = (1 + f) 2^k, the
+    function log(1 + f) - f log 2 - f (1 - f) / 8 is concave for 0 <= f <= 1 and 0 at both ends. MARGIN covers rounding.
+    flat, planar (c,): log |covariance of the position|. areas (c,) is scratch space; bits (c,) is the same memory as
+    integers.
     """
     first = 0
     for c in range(used):
@@ -326,7 +328,7 @@ def merger_floors(v, i, x, P, flat, weight, X, V, planar, used, areas, bits, flo
 
 @inlined
 def log_determinant_one(e, P, L, nn):
-    """log |P[e]| from the pivots of L D L'; NaN where they are negative. L (n, n) is scratch space."""
+    """log |P[e]| from the pivots of L D L'; NaN if one is negative. L (n, n) is scratch space."""
     product = 1.0
     for j in range(len(nn)):
         for i in range(j, len(nn)):
@@ -356,7 +358,7 @@ def merge_one(v, i, x, P, w, j, y, R, o, x_out, P_out, nn):
 
 @kernel
 def moments(mixtures, present, mean, covariance, nn):
-    """Fill mean (t, n) and covariance (t, n, n) of the present targets' mixtures; NaN for one without components."""
+    """Fill mean (t, n) and covariance (t, n, n) of the present targets' mixtures; NaN without components."""
     weight, X, V = mixtures
     n, most = len(nn), weight.shape[1]
     x, P = X.reshape(-1, n), V.reshape(-1, n, n)

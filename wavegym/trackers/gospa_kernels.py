@@ -1,4 +1,4 @@
-"""The GOSPA metric in compiled form; ``track_metrics.py`` holds the public function."""
+"""The compiled GOSPA metric; ``track_metrics.py`` has the public function."""
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
@@ -12,9 +12,9 @@ from wavegym.core.kernels import kernel
 def assign(truth, present, tracks, alive, c, p, least):
     """Sum of (d / c)^p over the pairs of the best assignment, and the number of pairs, for one time step.
 
-    ``least`` (2^targets,) is scratch space: ``least[A]`` is the least such sum that assigns the tracks so far to all
-    targets of the bit mask A and no others. Only pairs closer than c are assigned. Each pair fewer costs 1. Nothing is
-    subtracted from the sums: at a high order their terms are very small.
+    ``least`` (2^targets,) is scratch space: ``least[A]`` is the least sum that assigns the tracks so far to exactly the
+    targets of the bit mask A. Only pairs closer than c are assigned. Each pair fewer costs 1. Nothing is subtracted
+    from the sums, because their terms are very small at a high order.
     """
     targets = len(truth)
     least[0] = 0.0

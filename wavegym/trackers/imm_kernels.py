@@ -1,4 +1,4 @@
-"""Interacting multiple models in compiled form; ``imm.py`` holds the public functions.
+"""Compiled interacting multiple models; ``imm.py`` has the public functions.
 
 A track has one mean and one covariance for each model. x (rows, n) and P (rows, n, n) hold them track after track: the
 rows of track ``t`` begin at t * models. ``mm`` has one zero for each model, ``nn`` one for each state component.
@@ -22,7 +22,7 @@ LOG_2PI = np.log(2.0 * np.pi)
 def mix_one(t, x, P, mu, s, transition, c, X, PP, nn, mm):
     """Mixed X[row], PP[row] of each model from all models' x, P, and c[t] = predicted model probabilities.
 
-    transition[s] (models, models) leads from row to column. A model with c = 0 keeps its own x and P.
+    transition[s] (models, models): from row to column. A model with c = 0 keeps its own x and P.
     """
     M, n, first = len(mm), len(nn), t * len(mm)
     for j in range(M):
@@ -65,7 +65,7 @@ def combine_one(t, x, P, mu, x_out, P_out, nn, mm):
 
 @inlined
 def reweigh_one(t, c, log_likelihood, mu, mm):
-    """mu[t] from the predicted c[t] and log_likelihood[t]; the greatest likelihood is scaled to 1 against underflow."""
+    """mu[t] from the predicted c[t] and log_likelihood[t]; scaled to a greatest likelihood of 1, to avoid underflow."""
     best = -np.inf
     for j in range(len(mm)):
         if c[t, j] > 0.0:
@@ -87,7 +87,7 @@ def squared_length(d0, d1, s00, s01, s11):
 
 @inlined
 def log_density_one(row, d0, d1, S):
-    """Log of N(d; 0, S[row]) in two dimensions; NaN where S[row] is not positive definite."""
+    """Log of N(d; 0, S[row]) in two dimensions; NaN if S[row] is not positive definite."""
     if not S[row, 0, 0] > 0.0:
         return np.nan
     squared, determinant = squared_length(d0, d1, S[row, 0, 0], S[row, 0, 1], S[row, 1, 1])

@@ -120,8 +120,8 @@ def information_reduction(pd: ArrayLike, clutter: ArrayLike) -> FloatArray:
     Args:
         pd: probability of detection in [0, 1], any shape.
         clutter: mean number rho V >= 0 of clutter points in the gate g = 4, V = 16 pi sqrt(det S); broadcasts with
-            ``pd``. Give 16 pi rho sqrt(det S) for any other gate too: q2 depends on the clutter density. It depends on
-            the gate by less than 0.31 % for g >= 4, 1.3 % for g = 3.5 and 5.9 % for g = 3 (least in heavy clutter).
+            ``pd``. Give 16 pi rho sqrt(det S) for any other gate, too, because q2 depends on the clutter density. The
+            error for another gate is below 0.31 % for g >= 4, 1.3 % for g = 3.5 and 5.9 % for g = 3.
 
     Returns:
         q2 in the broadcast shape, from 0.997 Pd without clutter to 2 Pd^2 / (rho V) in heavy clutter.
@@ -136,8 +136,8 @@ def information_reduction(pd: ArrayLike, clutter: ArrayLike) -> FloatArray:
 def fitted_information_reduction(pd: ArrayLike, clutter: ArrayLike) -> FloatArray:
     """The published fit 0.997 Pd / (1 + 0.37 Pd^-1.57 rho V) to q2, for comparison; arguments as for the table.
 
-    The fit is within 9 % for Pd in [0.5, 1] and rho V <= 1. For rho V >= 50 it is too high by 27 % at Pd = 0.9 and 35 %
-    at Pd = 1, and too low by 9 % at Pd = 0.5 and 64 % at Pd = 0.1.
+    The fit is within 9 % for Pd in [0.5, 1] and rho V <= 1. For rho V >= 50 it is too high at large Pd: by 27 % at 0.9
+    and 35 % at 1. It is too low at small Pd: by 9 % at 0.5 and 64 % at 0.1.
     """
     shape, p, n = _check_arguments(pd, clutter)
     power = p**1.57

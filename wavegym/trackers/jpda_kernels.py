@@ -1,6 +1,6 @@
-"""Joint probabilistic data association in compiled form: one sensor's scan updates the targets of one environment.
+"""Compiled joint probabilistic data association: one sensor's scan updates the targets of one environment.
 
-The gain is G S^-1 with the cross-covariance G, such as that of ``predict_measurement_one``. Arrays hold the targets of
+The gain is G S^-1 with the cross-covariance G, for example from ``predict_measurement_one``. Arrays hold the targets of
 one environment; ``t`` is the target.
 """
 
@@ -131,8 +131,8 @@ def reduction_one(pd, log_clutter, pd_grid, log_clutter_grid, table):
     """q2 for one Pd and one log(rho V), V the volume of the gate g = 4, from the arrays of ``reduction_table()``.
 
     ``table`` holds log f of q2 = LIMIT Pd / (1 + f rho V / Pd) with f in [0.27, 2.7]. Between grid points log f is
-    interpolated bilinearly; beyond the grid it is held. The formula then has the right limits: LIMIT Pd without clutter
-    and 2 Pd^2 / (rho V) in heavy clutter.
+    interpolated bilinearly; beyond the grid it is constant. So the formula has the right limits: LIMIT Pd without
+    clutter and 2 Pd^2 / (rho V) in heavy clutter.
     """
     if not pd > 0.0:
         return 0.0 if pd == 0.0 else np.nan

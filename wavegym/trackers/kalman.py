@@ -1,8 +1,8 @@
 """The Kalman filter and the extended Kalman filter (EKF) for any number of tracks at once.
 
 All functions take arrays with any leading axes (environments, targets, candidates), which broadcast as in NumPy. All
-tracks share a model matrix without leading axes. The EKF is the same update with the innovation z - h(x) and the
-Jacobian H of h at the predicted mean, and the same covariance prediction with the Jacobian of the motion:
+tracks share a model matrix without leading axes. The EKF has the same update, with the innovation z - h(x) and the
+Jacobian H of h at the predicted mean. Its covariance prediction is the same with the Jacobian of the motion. See
 ``ekf_predict`` and ``ekf_update``.
 
 References: Bar-Shalom, Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation* (2001), sections 5.2

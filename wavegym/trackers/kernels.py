@@ -1,15 +1,15 @@
-"""Kalman predict and update in compiled form; ``kalman.py`` holds the public functions.
+"""Compiled Kalman prediction and update; ``kalman.py`` has the public functions.
 
 The sizes n and m are given as tuples ``nn`` and ``mm`` of n and m zeros. The length of a tuple is part of its type, so
-the compiler unrolls the small loops: five times faster than sizes read from the arrays.
-The ``*_one`` functions work on entry ``e`` of a batch, because indexing a whole array is three times faster in compiled
-code than taking a view. The fused kernels of the systems call them too.
-A matrix that is not positive definite gives NaN, never an exception: a kernel must not stop half-way through a batch.
+the compiler unrolls the small loops: five times faster than sizes read from the arrays. The ``*_one`` functions work on
+entry ``e`` of a batch, because indexing a whole array is three times faster in compiled code than taking a view. The
+fused kernels of the systems call them too. A matrix that is not positive definite gives NaN, never an exception: a
+kernel must not stop in the middle of a batch.
 
-Updates one scalar at a time are exact for independent measurement errors. With a diagonal R, [P^-1 + H' R^-1 H]^-1 is
-one rank-one update for each row h of H (Sherman and Morrison), without a matrix inverse: P - v v' / s with v = P h,
-s = h'v + variance. A missing measurement has an infinite variance. ``cc`` holds the columns in which a row may differ
-from 0, known at compile time: position columns alone halve the work.
+If measurement errors are independent, updates with one scalar at a time are exact. With a diagonal R,
+[P^-1 + H' R^-1 H]^-1 is one rank-one update for each row h of H (Sherman and Morrison), without a matrix inverse:
+P - v v' / s with v = P h, s = h'v + variance. A missing measurement has an infinite variance. ``cc`` holds the columns
+in which a row may differ from 0, known at compile time. With position columns only, the work is halved.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -54,8 +54,8 @@ def predict_covariance_one(e, P, F, Q, f, T, P_out, nn):
 def factor_innovation_one(e, P, H, h, R, r, scale, L, D, V, nn, mm):
     """Innovation covariance S = H[h] P[e] H[h]' + scale R[r] = L diag(1/D) L', L unit lower triangular (m, m), D (m,).
 
-    V (n, m) = P H' L^-T, so that the gain is K = V diag(D) L^-1 and K S K' = V diag(D) V'. No square roots, m
-    divisions; D is NaN where S is not positive definite.
+    V (n, m) = P H' L^-T, so that the gain is K = V diag(D) L^-1 and K S K' = V diag(D) V'. This takes m divisions and
+    no square root. D is NaN if S is not positive definite.
     """
     n, m = len(nn), len(mm)
     for i in range(n):
@@ -225,7 +225,7 @@ def shrink_one(e, P, v, s, nn):
 
 @inlined
 def correct_one(d, H, a, v, s, y, nn):
-    """d (n,) += v (y - h'd) / s: d is the correction of the mean so far; y is an innovation at the predicted mean."""
+    """d (n,) += v (y - h'd) / s: d is the correction of the mean so far; y is the innovation at the predicted mean."""
     rest = y
     for i in range(len(nn)):
         rest -= H[a, i] * d[i]

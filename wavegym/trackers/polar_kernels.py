@@ -1,9 +1,9 @@
-"""A Gaussian belief in polar coordinates about a sensor, in compiled form.
+"""A compiled Gaussian belief in polar coordinates about a sensor.
 
-A sensor that measures range and range-rate leaves the cross-range open, so the true posterior bends along a circle. A
-Gaussian in Cartesian coordinates cannot bend: it counts the bend as an error that averages out from step to step, and
-becomes overconfident. In p = [r, rdot, azimuth, v], with v the velocity across the line of sight (clockwise, m/s), the
-three measurements are linear and the motion is nearly so.
+Range and range-rate do not measure the cross-range, so the true posterior bends along a circle. A Gaussian in Cartesian
+coordinates cannot bend. It treats the bend as an error that averages out from step to step, and becomes overconfident.
+In p = [r, rdot, azimuth, v], with v the velocity across the line of sight (clockwise, m/s), the three measurements are
+linear and the motion is nearly linear.
 
 ``i`` is the entry of a batch of beliefs: p (i, n) and S (i, n, n) polar, x (i, n) and P (i, n, n) Cartesian with
 x = [x xdot y ydot]. The azimuth is clockwise from +y. Sizes as in ``kernels.py``.
@@ -24,7 +24,7 @@ from wavegym.trackers.sigma_point_kernels import moments_one, sigma_points_one
 NEAREST = 1e-9  # m: a smaller range counts as this much
 RANGE, RATE, AZIMUTH, ACROSS = 0, 1, 2, 3
 HALF_ROOT, DENSITY = math.sqrt(0.5), 1.0 / math.sqrt(2.0 * math.pi)
-UNLIKELY = 1e-9  # a miss that was less probable contradicts the model: it changes nothing
+UNLIKELY = 1e-9  # a less probable miss contradicts the model and changes nothing
 
 
 @inlined
@@ -62,7 +62,7 @@ def add_noise_one(i, p, S, Q, density, J, T, nn):
 
 @inlined
 def predict_polar_one(i, p, S, F, Q, density, p_out, S_out, points, A, T, nn):
-    """One step of a motion F, Q (n, n) that is the same in every direction; Q belongs to a density of 1.
+    """One step of a motion F, Q (n, n) that is the same in every direction; Q is for a density of 1.
 
     2 n sigma points (Julier & Uhlmann 1997, kappa = 0) move in the frame whose y axis points at each of them.
     points (2 n, n), A and T (n, n) are scratch space.
@@ -118,11 +118,11 @@ def state_gradient(i, p, D):
 
 @inlined
 def place_pair(i, s, twist, a, b, ca, cb, conjugate, plain, P, ax, ay, bx, by):
-    """Fill P[i] with the covariances of A e^(i azimuth) and B e^(i azimuth), whose y and x are real and imaginary part.
+    """Fill P[i] with the covariances of A e^(i azimuth) and B e^(i azimuth): real parts are y, imaginary parts x.
 
     a, b: means of A and B; ca, cb: their covariances with the azimuth, whose variance is s; ``conjugate``: cov(A, B*);
     ``plain``: cov(A, B); ``twist``: e^(2i azimuth) of the mean; ax, ay, bx, by: elements of the Cartesian state.
-    Differences of nearly equal moments are written with expm1: nothing cancels where s is small.
+    Differences of nearly equal moments are written with expm1, so that nothing cancels if s is small.
     """
     fade, rest = np.exp(-s), -np.expm1(-s)
     K = conjugate + rest * a * np.conj(b) - fade * (1j * (ca * np.conj(b) - a * np.conj(cb)) + ca * np.conj(cb))
@@ -172,10 +172,10 @@ def normal_mass(low, high):
 
 @inlined
 def miss_one(i, p, S, low, high, detection, g, nn):
-    """Update with a look that has not found the target, at azimuths from ``low`` to ``high`` relative to the mean.
+    """Update with a miss: a look at azimuths from ``low`` to ``high``, relative to the mean, without a detection.
 
-    The posterior of the azimuth is the prior times (1 - detection inside the image). Its mean and variance are exact,
-    and the other elements follow by their regression on the azimuth. g (n,) is scratch space.
+    The posterior of the azimuth is the prior times (1 - detection probability inside the image). Its mean and variance
+    are exact. The other elements follow by regression on the azimuth. g (n,) is scratch space.
     """
     spread = S[i, AZIMUTH, AZIMUTH]
     sigma = np.sqrt(spread)

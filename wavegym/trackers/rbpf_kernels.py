@@ -1,7 +1,7 @@
-"""Rao-Blackwellised particle filter over joint associations in compiled form (Särkkä, Vehtari & Lampinen 2007).
+"""Compiled Rao-Blackwellised particle filter over joint associations (Särkkä, Vehtari & Lampinen 2007).
 
-``rbpf.py`` describes the method and holds the public functions. Arrays are those of one environment: X (particle,
-target, n), V (particle, target, n, n).
+``rbpf.py`` describes the method and has the public functions. Arrays are those of one environment: X (particle, target,
+n), V (particle, target, n, n).
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -54,10 +54,10 @@ def fetch_one(source, x, P, e, x_out, P_out, nn):
 def update_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy, gates, density, nn):
     """Process one sensor's scan z[: count] for each particle: draw the association, update, add the log evidence.
 
-    log_weight (particle,) grows by the exact joint log likelihood, a sum over all feasible associations.
-    pd (t,), noise (t, 2, 2). ``gates`` = (centre (t, 2), L (t, 2, 2), gate, gate probability): only returns in one of
-    the gates were received; gate = inf: all returns. A missing return says nothing about a particle that predicts it
-    outside all gates. A factor 1 - Pd there would remove the small modes of a posterior although nobody looked there.
+    log_weight (particle,) grows by the exact joint log likelihood, a sum over all feasible associations. pd (t,), noise
+    (t, 2, 2). ``gates`` = (centre (t, 2), L (t, 2, 2), gate, gate probability): only returns in one of the gates were
+    received; gate = inf: all returns. If a particle predicts a return outside all gates, a missing return does not
+    change its weight. A factor 1 - Pd would remove small modes of the posterior in places that no sensor observed.
     """
     n, slots, here = len(nn), len(present), np.flatnonzero(present)
     x, P, T = X.reshape(-1, n), V.reshape(-1, n, n), len(here)
@@ -83,7 +83,7 @@ def update_particles(key, present, X, V, log_weight, z, count, pd, noise, sx, sy
 
 @inlined
 def received(z0, z1, present, gates):
-    """The gate probability if a return predicted at (z0, z1) lies in a present target's gate, else 0."""
+    """The gate probability if (z0, z1), where a return is predicted, lies in a present target's gate, else 0."""
     centre, L, gate, gate_probability = gates
     for t in range(len(present)):
         if present[t] and in_gate(t, z0, z1, centre, L, gate):
@@ -95,7 +95,7 @@ def received(z0, z1, present, gates):
 def weigh_row(row, z, count, centre, L, pd, seen, density, farthest, W):
     """Association weights of one target: W[row, 0] = 1 - seen, W[row, m] = Pd N(z_m; centre, L L') / density.
 
-    0 for a return at a squared distance of ``farthest`` or more.
+    The weight of a return at a squared distance of ``farthest`` or more is 0.
     """
     first, below, second = 1.0 / L[row, 0, 0], L[row, 1, 0], 1.0 / L[row, 1, 1]
     peak, z0, z1 = peak_of(pd, first, second, density), centre[row, 0], centre[row, 1]
@@ -123,8 +123,8 @@ def whiten(d0, d1, first, below, second):
 def draw_association(key, W, T, M, beta, owner):
     """Draw owner (T,), each target's measurement or 0, from the joint posterior of W; return the log evidence.
 
-    The targets are drawn from the last to the first, each from its marginal; then the target and its measurement leave
-    the problem. The marginal of the first target is its remaining row of W. W is overwritten.
+    The targets are drawn from the last to the first, each from its marginal. Then the target and its measurement are
+    removed from the problem. The marginal of the first target is its remaining row of W. W is overwritten.
     """
     if T == 0:
         return 0.0
@@ -162,9 +162,9 @@ def last_of_two(W, M, beta):
 
 @inlined
 def draw_column(t, p, M, left):
-    """The column of p[t] (M+1) whose interval of the cumulative sum from the last column holds ``left`` in [0, sum).
+    """The column of p[t] (M+1) whose interval of the cumulative sum from the last column contains ``left`` in [0, sum).
 
-    A rounding error thus ends at column 0, which is always possible.
+    So a rounding error leads to column 0, which is always possible.
     """
     m = M
     while m > 0 and left >= p[t, m]:
@@ -250,7 +250,7 @@ def resample(key, weight, X, V, X_out, V_out, nn):
 
 @kernel
 def systematic(u, weight, index):
-    """Set index[j] to the particle whose weight interval of [0, 1) holds (j + u) / N; return how many differ."""
+    """Set index[j] to the particle whose weight interval of [0, 1) contains (j + u) / N; return how many differ."""
     count, reached, source, distinct = len(weight), weight[0], 0, 1
     for j in range(count):
         while (j + u) / count >= reached and source < count - 1:

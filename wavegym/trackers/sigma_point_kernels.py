@@ -1,13 +1,13 @@
-"""Sigma points in compiled form, and the posterior linearisation of a measurement with them.
+"""Compiled sigma points, and posterior linearisation of a measurement with them.
 
 2 n points p +- sqrt(n) A_k of equal weight with A A' = S: Julier & Uhlmann (1997) with kappa = 0, which cannot give an
 indefinite covariance. ``i`` is the entry of a batch of means p (i, n) and covariances S (i, n, n); points (2 n, n);
 A (n, n), lower triangular; m measured quantities.
 
-Where a wide prior meets a fine, curved measurement, the extended Kalman filter linearises at the predicted mean and
-keeps no account of what it neglects. Posterior linearisation regresses the measurement on the state over the spread of
-a Gaussian, z = h + H (x - mean) + residual; the variance of the residual adds to that of the measurement. The
-regression is repeated over the updated estimate, until it moves no more (García-Fernández, Svensson, Morelande and
+The extended Kalman filter linearises at the predicted mean and ignores the linearisation error, which is large for a
+wide prior and an accurate, curved measurement. Posterior linearisation regresses the measurement on the state over the
+spread of a Gaussian, z = h + H (x - mean) + residual. The variance of the residual is added to that of the measurement.
+The regression is repeated over the updated estimate until it converges (García-Fernández, Svensson, Morelande and
 Särkkä, "Posterior linearization filter: principles and implementation using sigma points", IEEE Trans. Signal Process.
 63(20), 2015, section III). A system measures the sigma points itself, because only it knows the measurement.
 """
@@ -69,8 +69,8 @@ def moments_one(i, points, p, S, nn):
 def regression_one(a, values, A, slope, nn):
     """Statistical linear regression of values (2 n, rows), column a, on the state: fills slope (rows, n), row a.
 
-    Returns the values' mean. ``values`` keeps in entry 2 k what the regression leaves of points 2 k and 2 k + 1: the
-    covariance of the linearisation errors of rows a and b is the mean over k of values[2 k, a] values[2 k, b].
+    Returns the mean of the values. ``values[2 k]`` becomes the residual of points 2 k and 2 k + 1: the covariance of
+    the linearisation errors of rows a and b is the mean over k of values[2 k, a] values[2 k, b].
     """
     n = len(nn)
     middle = 0.0
@@ -92,7 +92,7 @@ def regression_one(a, values, A, slope, nn):
 def regress_one(Z, A, h, H, R, nn):
     """Regress the measurements Z (2 n, m) of sigma points on the state: fills h (m,) and H (m, n); overwrites Z.
 
-    Adds the variance of the residual to the variance R (m,). Residuals count as uncorrelated.
+    Adds the variance of the residual to the variance R (m,). Residuals are treated as uncorrelated.
     """
     for a in range(len(R)):
         h[a] = regression_one(a, Z, A, H, nn)

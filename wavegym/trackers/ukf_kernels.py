@@ -1,6 +1,7 @@
-"""Unscented transform of range and range-rate in compiled form, for trackers and schedulers.
+"""Compiled unscented transform of range and range-rate, for trackers and schedulers.
 
-``e`` is the entry of the beliefs x (e, n) and P (e, n, n), ``row`` that of the results. Sizes as in ``kernels.py``.
+``e`` is the entry of the beliefs x (e, n) and P (e, n, n), and ``row`` the entry of the results. Sizes as in
+``kernels.py``.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -16,7 +17,7 @@ from wavegym.sensors.geometry_kernels import direction_cosine, multistatic_range
 def cholesky_columns_one(row, e, P, A, nn, cc):
     """The first len(cc) columns of the lower triangular A[row] with A[row] A[row]' = P[e], from the diagonal down.
 
-    NaN where P[e] is not positive definite.
+    NaN if P[e] is not positive definite.
     """
     for i in range(len(cc)):
         for j in range(i, len(nn)):
@@ -36,11 +37,11 @@ def predict_measurement_one(row, e, x, P, sx, sy, A, z, S, G, nn):
 def predict_multistatic_one(row, e, x, P, tx, ty, sx, sy, A, z, S, G, nn):
     """Mean z[row], covariance S[row] and cross-covariance G[row] = cov(x, z) (n, 2) of a target's (r, rdot).
 
-    r is half the path (tx, ty), target, (sx, sy), rdot its rate; x = (x, y, xdot, ydot, ...). 2 n sigma points
-    x +- sqrt(n) A_i of equal weight: Julier & Uhlmann (1997) with kappa = 0, which cannot give an indefinite S. Only
-    the first two columns of the Cholesky factor A change the position. Along the other columns the range is constant
-    and the range-rate linear: their exact share is that of a linear measurement with the rest of P.
-    A (rows, n, n) is scratch space.
+    r is half the path from (tx, ty) over the target to (sx, sy), and rdot its rate; x = (x, y, xdot, ydot, ...). 2 n
+    sigma points x +- sqrt(n) A_i of equal weight: Julier & Uhlmann (1997) with kappa = 0, which cannot give an
+    indefinite S. Only the first two columns of the Cholesky factor A change the position. Along the other columns the
+    range is constant and the range-rate is linear, so their exact share is that of a linear measurement with the rest
+    of P. A (rows, n, n) is scratch space.
     """
     n = len(nn)
     cholesky_columns_one(row, e, P, A, nn, (0, 0))
@@ -79,16 +80,16 @@ def predict_multistatic_one(row, e, x, P, tx, ty, sx, sy, A, z, S, G, nn):
 
 @kernel
 def left_one(row, e, i, j, P, A):
-    """cov(x_i, x_j) given the position: P less the share of the first two columns of A."""
+    """cov(x_i, x_j) given the position: P minus the share of the first two columns of A."""
     return P[e, i, j] - A[row, i, 0] * A[row, j, 0] - A[row, i, 1] * A[row, j, 1]
 
 
 @inlined
 def predict_direction_one(row, e, x, P, tx, ty, sx, sy, ax, ay, A, z, S, G, nn):
-    """Extend the result of ``predict_multistatic_one`` by the direction cosine at (sx, sy), of axis (ax, ay).
+    """Extend the result of ``predict_multistatic_one`` by the direction cosine at (sx, sy) with the axis (ax, ay).
 
-    Fills z[row, 2], S[row, 2, :], S[row, :, 2] and G[row, :, 2] from the same sigma points; A[row] is the factor that
-    ``predict_multistatic_one`` left. The cosine depends on the position only.
+    Fills z[row, 2], S[row, 2, :], S[row, :, 2] and G[row, :, 2] from the same sigma points; A[row] is the factor of
+    ``predict_multistatic_one``. The cosine depends on the position only.
     """
     n = len(nn)
     reach, share = np.sqrt(np.float64(n)), 0.5 / n

@@ -1,4 +1,4 @@
-"""A scheduler, a reward and a chirp law of a package, known by name after ``import own_parts``."""
+"""A scheduler, a reward and a chirp law of your own package, which have names after ``import own_parts``."""
 
 import wavegym
 from own_parts.chirp_laws import cubic

@@ -81,7 +81,7 @@ class NoiseLevel(NamedTuple):
 
 
 class AdaptiveNoise(ExtendedKalman):
-    """A tracker of our own with a memory: it takes more process noise where innovations are larger than expected.
+    """A tracker of our own with a memory: it increases the process noise if innovations are larger than expected.
 
     The level of the process noise is adjusted continuously (Bar-Shalom, Li and Kirubarajan 2001, section 11.2.2).
 

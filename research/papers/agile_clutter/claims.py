@@ -1,4 +1,4 @@
-"""The claims of Sira et al., and our own, held against the summary."""
+"""The claims of Sira et al., and our own, checked with the summary."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _choices(tracker: str, clutter: dict[str, Any]) -> Iterator[Claim]:
 
 
 def _share(linear: dict[str, Any]) -> float | None:
-    """The share of kept runs in which LFM was chosen at all."""
+    """The share of kept runs in which LFM was chosen at least once."""
     return linear["runs"] / linear["kept"] if linear["kept"] else None
 
 

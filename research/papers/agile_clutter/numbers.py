@@ -21,28 +21,28 @@ WINDOWS = {"early": (1, 3), "jump": (JUMP, JUMP), "late": (20, DROP - 1), "all":
 
 
 def summarise(study: Study) -> dict[str, Any]:
-    """All numbers, as plain types; None where there is no estimate, for example where no run was kept.
+    """All numbers, as plain types; None if there is no estimate, for example if no run was kept.
 
     Keys:
-        command, seed, runs, particles, clutter_density, versions; ``convergence``: by number of particles the ``runs``
-        and, as of a policy, ``kept``, ``mse_kept`` and ``mse_all`` of the library's one-step scheduler; and trackers:
-        for each tracker and each clutter ("clutter", "no clutter") ``best_fixed``, {index, waveforms} by policy,
-        ``policies``, ``best_free`` (ratios as below, of the best fixed to the agile scheduler, both with shapes free),
-        ``jump`` and ``drop`` (of the fully agile scheduler's kept runs: its error at k = JUMP over that a step
-        earlier, and at DROP likewise), and ``choices``, of the fully agile scheduler and the one with its shapes free.
+        command, seed, runs, particles, clutter_density, versions; ``convergence``: for each number of particles the
+        ``runs`` and the ``kept``, ``mse_kept`` and ``mse_all`` of the library's one-step scheduler (as for a policy,
+        below); and trackers: for each tracker and each clutter ("clutter", "no clutter") ``best_fixed`` ({index,
+        waveforms} by policy), ``policies``, ``best_free`` (ratios as below: the best fixed to the agile scheduler, both
+        with free shapes), ``jump`` and ``drop`` (in the kept runs of the fully agile scheduler: the error at k = JUMP,
+        or DROP, divided by the error one step earlier), and ``choices`` of the fully agile scheduler with one shape and
+        with free shapes.
 
-        Of each policy: ``kept``, the share of runs in which no target was lost; ``mse_kept`` and ``mse_all`` {mean,
-        ci, median, runs}, m^2, the squared error summed over targets and steps; ``nees``, its mean over them, of kept
-        runs; ``predicted``, the tracker's own variance summed likewise; ``clutter``, points inside gates per step,
-        and ``clutter_1``, at the first step, all runs; ``ratio_kept`` and ``ratio_all`` {ratio, ci, geometric,
-        geometric_ci, runs}: mse over that of the fully agile scheduler in the same runs, kept under both policies or
-        all of them; None for itself.
+        Each policy has: ``kept``, the share of runs in which no target was lost; ``mse_kept`` and ``mse_all`` {mean,
+        ci, median, runs}, m^2, the squared error summed over targets and steps; ``nees``, the mean over targets and
+        steps of kept runs; ``predicted``, the tracker's own variance, summed over targets and steps; ``clutter``,
+        points inside gates per step, and ``clutter_1``, the same at the first step, all runs; ``ratio_kept`` and
+        ``ratio_all`` {ratio, ci, geometric, geometric_ci, runs}: the mse divided by that of the fully agile scheduler,
+        in the runs that both policies keep or in all runs; None for this scheduler.
 
-        Of ``choices``, all of kept runs: ``share``, by window of steps (``WINDOWS``: early, jump, late, all), of each
-        phase function, sensors together;
-        ``kind``, the same by kind of phase function; ``linear`` {choices, of, runs, kept, ci}: how often LFM was
-        chosen and in how many runs, with the interval of the share of such runs; ``typical``, what the run most like
-        the others chose, a list for each sensor.
+        ``choices`` has, for kept runs: ``share`` of each phase function, for each window of steps (``WINDOWS``: early,
+        jump, late, all), all sensors together; ``kind``, the same by kind of phase function; ``linear`` {choices, of,
+        runs, kept, ci}: how often LFM was chosen and in how many runs, with the interval of the share of these runs;
+        ``typical``, the choices of the run that is most similar to the others, a list for each sensor.
 
         Intervals are [low, high], 95 %: of a BCa bootstrap over runs; of a share that is 0 or 1 in each run, or the
         same in all, from the binomial distribution (Clopper and Pearson).
@@ -75,13 +75,13 @@ def curve(study: Study, runs: Runs) -> list[Estimate]:
 
 
 def shares(runs: Runs, count: int) -> Array:
-    """Of kept runs, the share of each of ``count`` phase functions, (k, sensor, law); NaN where none was kept."""
+    """The share of each of ``count`` phase functions in kept runs, (k, sensor, law); NaN if no run was kept."""
     chosen = runs.law[runs.kept][..., None] == np.arange(count)
     return chosen.sum(axis=0) / (len(chosen) or np.nan)
 
 
 def typical(runs: Runs) -> Array:
-    """Phase functions (k, sensor) of the kept run whose choices most other kept runs share; the first of equals."""
+    """Phase functions (k, sensor) of the kept run that agrees most with the others; the first if several are equal."""
     law = runs.law[runs.kept]
     agreement = np.zeros(len(law))
     for index in range(law.max(initial=-1) + 1):

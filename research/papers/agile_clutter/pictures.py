@@ -52,7 +52,7 @@ def draw_errors(study: Study, curves: Mapping[Case, Sequence[Estimate]]) -> byte
 
 
 def draw_laws(study: Study) -> bytes:
-    """Figure 3: the phase functions chosen in clutter; a typical run, shares of the kept runs, and shapes set free."""
+    """Figure 3: the phase functions chosen in clutter: a typical run, shares of the kept runs, and free shapes."""
     trackers = _trackers(study)
     figure = new_figure(5.8 * len(trackers), 11.0)
     grid = figure.subplots(5, len(trackers), sharex=True, squeeze=False, height_ratios=(1.2, 1, 1, 1, 1))
@@ -80,7 +80,7 @@ def _draw_curve(axes: Axes, policy: str, estimates: Sequence[Estimate], place: i
 
 
 def _mark_targets(axes: Axes) -> None:
-    """Where targets come and go."""
+    """Mark the steps at which targets appear and leave."""
     for k, text in ((JUMP, "target 2 appears"), (DROP, "target 1 leaves")):
         axes.axvline(k, color="0.6", linewidth=0.8, linestyle="--", zorder=1)
         axes.annotate(
@@ -105,7 +105,7 @@ def _draw_typical(axes: Axes, law: Array, title: str) -> None:
 
 
 def _draw_shares(axes: Axes, laws: Sequence[str], share: Array) -> None:
-    """Stacked bars, (k, law); a kind has a colour, the paler the further down the list of all its shapes."""
+    """Stacked bars, (k, law). A kind has a colour, which is paler for later shapes of its list."""
     k, base = np.arange(1, len(share) + 1), np.zeros(len(share))
     for index, law in enumerate(laws):
         alike = [other for other in names(FREE) if kind(other) == kind(law)]
@@ -116,7 +116,7 @@ def _draw_shares(axes: Axes, laws: Sequence[str], share: Array) -> None:
 
 
 def _paler(colour: str, share: float) -> Array:
-    """A colour with so much white in it."""
+    """A colour mixed with this share of white."""
     from matplotlib.colors import to_rgb
 
     return np.array(to_rgb(colour)) * (1.0 - share) + share

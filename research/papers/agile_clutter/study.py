@@ -46,7 +46,7 @@ POLICIES = (*AGILE, *CONSTANT, LIBRARY)
 TRACKERS = ("jpda", "particle", "both")
 CLUTTER = {"clutter": AgileClutter.clutter_density, "no clutter": 0.0}  # false returns per m (m/s)
 TUNING_WORLDS, SHORTLIST = 100, 16
-CONVERGENCE, CONVERGENCE_RUNS = (200, 1000, 4000), 200  # numbers of particles, tried on so many runs
+CONVERGENCE, CONVERGENCE_RUNS = (200, 1000, 4000), 200  # numbers of particles, and the number of runs for each
 
 
 class Case(NamedTuple):
@@ -86,9 +86,9 @@ class Study:
     Attributes:
         seed: of all worlds.
         runs: the runs of each policy, by case; axis 0 is the same world in all cases.
-        fixed: for each case with a best constant its index and its waveforms, one a sensor.
-        converged: the library's one-step scheduler in clutter by number of particles, on the first worlds; empty
-            without a particle filter.
+        fixed: for each case with a best constant: its index and its waveforms, one for each sensor.
+        converged: the runs of the library's one-step scheduler in clutter, by number of particles, on the first worlds;
+            empty without a particle filter.
     """
 
     seed: int
@@ -123,7 +123,7 @@ def play(
         jobs: processes; -1 = one for each core.
         store: folder for partial results; the same call continues from them after an interruption.
         tracker: "jpda", "particle" or "both".
-        tuning: worlds on which the best constant is found, none of them played afterwards.
+        tuning: number of worlds on which the best constant is found; they are not played afterwards.
 
     Raises:
         InputError: an unknown tracker, or a number out of range.
@@ -162,7 +162,7 @@ def scene(case: Case) -> AgileClutter:
         settings["particles"] = case.particles
     if case.policy in AGILE:
         settings["action"] = "box"
-    if case.policy == BEST_FREE:  # the longest and widest, as the best of one shape each are
+    if case.policy == BEST_FREE:  # the longest and widest, like the best with one shape each
         settings |= {"durations": (max(AgileClutter.durations),), "sweeps": (max(AgileClutter.sweeps),)}
     return CountingEverySensor(laws=_offered(case.policy), **settings)
 
@@ -185,16 +185,16 @@ def _offered(policy: str) -> tuple[str, ...]:
 
 
 def _waveforms(case: Case, index: int) -> tuple[str, ...]:
-    """The constant's waveforms by label, one a sensor."""
+    """The labels of the constant's waveforms, one for each sensor."""
     system = scene(case)
     return tuple(system.action_set.library.labels[i] for i in shortcuts.constants(system)[index])
 
 
 def _best_constants(cases: Sequence[Case], seed: int, tuning: int, jobs: int, memory: Memory) -> dict[Case, int]:
-    """The constant with the least predicted cost in each case; the first of equals.
+    """The constant with the least predicted cost in each case; the first if several are equal.
 
-    With JPDA every constant is tried. With the particle filter that would take hours, most of them in the clutter that
-    short or linear chirps let into the gates: it tries only the ``SHORTLIST`` constants with the least cost under JPDA.
+    With JPDA every constant is tried. With the particle filter that would take hours, because short or linear chirps
+    let much clutter into the gates. It tries only the ``SHORTLIST`` constants with the least cost under JPDA.
     """
     seeds = world_seeds(seed, TUNE, tuning)
     cost = memory.cache(_cost)
@@ -207,7 +207,7 @@ def _best_constants(cases: Sequence[Case], seed: int, tuning: int, jobs: int, me
 
 
 def _ranked(costs: Mapping[tuple[Case, int], float], case: Case) -> list[int]:
-    """A case's constants, the cheapest first; equals in their order."""
+    """A case's constants, the cheapest first; equal ones keep their order."""
     return sorted((k for tried, k in costs if tried == case), key=lambda k: (costs[case, k], k))
 
 
@@ -243,11 +243,11 @@ def _policy(name: str, fixed: int) -> Policy:
 
 
 def _play(case: Case, fixed: int, seeds: Sequence[int], steps: int | None = None) -> Runs:
-    """One batch of worlds, to the end or for so many ``steps``."""
+    """One batch of worlds, to the end or for this number of ``steps``."""
     system, policy = scene(case), _policy(case.policy, fixed)
     world = draw_worlds(system, seeds)
     state = system.initial(world)
-    policy.begin(system, len(seeds), np.random.default_rng(0))  # none of these policies draws
+    policy.begin(system, len(seeds), np.random.default_rng(0))  # no policy here draws random numbers
     kept: list[tuple[Array, ...]] = []
     for _ in range(steps or system.horizon):
         action = policy.act(state.belief, None, None)

@@ -20,7 +20,7 @@ LEAST = 0.005  # smaller shares are not listed
 
 
 def markdown(summary: dict[str, Any]) -> str:
-    """Policies, phase functions, clutter in gates, and numbers of particles where a particle filter was played."""
+    """Policies, phase functions, clutter in gates, and numbers of particles if a particle filter was played."""
     parts = [
         table(HEAD, list(_policies(summary))),
         f"Phase functions\n\n{table(CHOICES, list(_choices(summary)))}",

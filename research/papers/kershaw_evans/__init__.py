@@ -1,4 +1,4 @@
-"""Kershaw and Evans: one target on the line of sight, closed forms and what they choose."""
+"""Kershaw and Evans: one target on the line of sight, closed forms and their choices."""
 
 from research.papers.kershaw_evans.claims import check_claims
 from research.papers.kershaw_evans.files import FILES, write

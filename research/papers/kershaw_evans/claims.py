@@ -1,7 +1,7 @@
-"""What is said of Kershaw and Evans's loop, held against the summary.
+"""Claims about Kershaw and Evans's loop, checked with the summary.
 
-The text of the paper is not at hand. So a claim is of the paper only where the form of its solution is known from the
-literature that quotes it; everything else follows from the formulas of R and of the Kalman filter, and is ours.
+The text of the paper is not available to us. A claim is the paper's only if literature that quotes it shows the form of
+the solution. All other claims are ours: they follow from the formulas of R and of the Kalman filter.
 """
 
 from __future__ import annotations
@@ -63,17 +63,17 @@ def _policies(scene: str, policies: dict[str, Any]) -> Iterator[Claim]:
     for policy in (LONG, SHORT):
         yield claim(f"The {policy} has a larger trace than the one-step scheduler: ratio", scene, cost(policy), MORE)
         yield claim(f"The {policy} has a larger gate than the scheduler of the gate: ratio", scene, gate(policy), MORE)
-    text = "The box has no more trace than the library: ratio"
+    text = "The box has no larger trace than the library: ratio"
     yield claim(text, scene, cost(TRACE), NO_MORE, digits=3)
     text = "The box has no larger gate than the library: ratio"
     yield claim(text, scene, gate(GATE), NO_MORE, digits=3)
-    text = "The smallest gate is not the least trace: its trace over the least"
+    text = "The smallest gate does not give the least trace: its trace over the least"
     yield claim(text, scene, cost(GRID_GATE), MORE)
-    text = "The least det P is not the smallest gate: its gate over the smallest"
+    text = "The smallest det P does not give the smallest gate: its gate over the smallest"
     yield claim(text, scene, gate(DETERMINANT), MORE)
 
 
 def _exact(found: dict[str, Any]) -> Estimate:
-    """A number without chance, in parts per million."""
+    """A number that does not depend on chance, in parts per million."""
     value, ci = mean_of(found)
     return Estimate(None if value is None else 1e6 * value, None if ci is None else (1e6 * ci[0], 1e6 * ci[1]))

@@ -1,4 +1,4 @@
-"""The closed forms against a dense grid over the box, at beliefs that were met."""
+"""The closed forms against a dense grid over the box, at beliefs from the runs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from research.papers.kershaw_evans.study import DRAWN, GATE, TRACE, Case, Study,
 from wavegym.core.arrays import Array
 from wavegym.systems.kershaw_evans.system import KershawEvans
 
-BELIEFS = 12  # from each scene, spread over runs and steps
+BELIEFS = 12  # beliefs from each scene, spread over runs and steps
 GRID = (120, 121)  # durations and sweeps
 INSIDE = 1e-9  # a pulse this far from the box's edges, relative to them, is inside
 
@@ -37,15 +37,15 @@ def surface(loop: KershawEvans, P: Array, eta: float) -> Surface:
 
 
 def closed_forms(study: Study, scene: str) -> dict[str, Any]:
-    """How the closed forms compare.
+    """How the closed forms compare with the grid.
 
-    Keys, the first four {mean, ci}, numbers without chance:
-        det_spread: of det R over the library, greatest over least less 1.
-        trace_excess, gate_excess: objective at the closed form over the least one of the grid, less 1, the greatest of
-        all beliefs: negative where the closed form is always better than the grid.
-        proportion: where the gate's optimum is inside the box, the greatest relative difference of R / sqrt(det R) and
-        H P H' / sqrt(det H P H'); None if there is no such step.
-        interior: share of all steps at which the gate's optimum is inside the box.
+    Keys; the first four are {mean, ci} of numbers that do not depend on chance:
+        det_spread: greatest det R of the library divided by the least, minus 1.
+        trace_excess, gate_excess: objective at the closed form divided by the least of the grid, minus 1; the greatest
+        of all beliefs. Negative if the closed form is always better than the grid.
+        proportion: the greatest relative difference of R / sqrt(det R) and H P H' / sqrt(det H P H') at the steps with
+        the gate's optimum inside the box; None if there is no such step.
+        interior: share of all steps with the gate's optimum inside the box.
         trace_interior: share of all steps at which the trace's optimum has a duration inside the box.
     """
     loop = system(Case(scene, DRAWN, TRACE))
@@ -63,7 +63,7 @@ def closed_forms(study: Study, scene: str) -> dict[str, Any]:
 
 
 def _exactly(value: float | None) -> dict[str, Any]:
-    """A number without chance, as an estimate."""
+    """A number that does not depend on chance, as an estimate."""
     return {"mean": value, "ci": None if value is None else [value, value]}
 
 
@@ -75,7 +75,7 @@ def _inside(loop: KershawEvans, duration: Array, sweep: Array) -> Array:
 
 
 def _excess(loop: KershawEvans, runs: Any, objective: str) -> float:
-    """The greatest over beliefs of the played optimum over the least of the grid, less 1."""
+    """The greatest excess of the played optimum over the least value of the grid, over all beliefs."""
     worst, size = -np.inf, runs.cost.size
     for index in np.linspace(0, size - 1, min(BELIEFS, size)).astype(int):
         run, k = np.unravel_index(index, runs.cost.shape)
@@ -89,7 +89,7 @@ def _excess(loop: KershawEvans, runs: Any, objective: str) -> float:
 
 
 def _proportion(loop: KershawEvans, A: Array, duration: Array, sweep: Array) -> float | None:
-    """Greatest difference of the two matrices of determinant 1, relative to each element's scale; None of no belief."""
+    """Greatest difference of two matrices of determinant 1, relative to each element's scale; None without beliefs."""
     if not len(A):
         return None
     R = loop.unit_covariance(loop.action_set.box.encode(np.stack([duration, sweep], axis=-1)))

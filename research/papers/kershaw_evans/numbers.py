@@ -32,13 +32,16 @@ def summarise(study: Study) -> dict[str, Any]:
     """All numbers, as plain types.
 
     Keys:
-        command, seed, runs, versions, and scenes. Of each scene: ``q``, ``weights``, ``start_range`` and
-        ``reference_range`` as played; ``best``, the label of the best fixed waveform; ``closed_forms``, see there;
+        command, seed, runs, versions, and scenes. Each scene has: ``q``, ``weights``, ``start_range`` and
+        ``reference_range`` as played; ``best``, the label of the best fixed waveform; ``closed_forms`` (see
+        ``closed_forms.py``); ``policies`` and ``moving``.
+
         ``policies``, with drawn targets: ``cost``, ``gate``, ``squared_error`` and ``nees`` {mean, ci}, means over the
-        steps of a run; ``cost_ratio`` and ``error_ratio``, over the library's trace, ``gate_ratio``, over the library's
-        gate, {ratio, ci, geometric, geometric_ci, runs}; ``waveforms``, different pulses of a run, {mean, ci};
-        ``moving``, for closing and receding targets and each policy: ``duration`` and ``sweep``, of the first and the
-        last fifth of the steps, {first, last}, each {mean, ci}, in s and Hz, the sweep without its sign.
+        steps of a run; ``cost_ratio`` and ``error_ratio`` to the library's trace, ``gate_ratio`` to the library's gate,
+        {ratio, ci, geometric, geometric_ci, runs}; ``waveforms``, the number of different pulses of a run, {mean, ci}.
+
+        ``moving``, for closing and receding targets and each policy: ``duration`` and ``sweep`` of the first and the
+        last fifth of the steps, {first, last}, each {mean, ci}, in s and Hz; the sweep has no sign.
     """
     seed, runs = study.seed, len(next(iter(study.runs.values())).cost)
     return {
@@ -89,7 +92,7 @@ def _ratio(values: Array, reference: Array, seed: int) -> dict[str, Any]:
 
 
 def _different(runs: Runs) -> Array:
-    """How many different pulses each run has."""
+    """The number of different pulses of each run."""
     pulses = np.stack([runs.duration, runs.sweep], axis=-1)
     return np.array([len(np.unique(run, axis=0)) for run in pulses], np.float64)
 

@@ -33,7 +33,7 @@ COLOURS = {TRACE: "#000000", GATE: "#d55e00", BEST: "#0072b2", LONG: "#009e73", 
 LINES = {TRACE: "-", GATE: "-", BEST: "--", LONG: ":", SHORT: "-."}
 TARGET_LINES = {CLOSING: "-", RECEDING: "--"}
 LEVELS = 24
-LINEAR = 0.01  # share of the widest sweep below which the axis is linear
+LINEAR = 0.01  # the axis is linear below this share of the widest sweep
 US, MHZ = 1e6, 1e-6
 
 Curves = Mapping[tuple[Case, str], Sequence[Estimate]]  # (case, field)

@@ -47,7 +47,7 @@ class Runs(NamedTuple):
     """The runs of one case, axis 0 = run; k = 1, 2, ..."""
 
     cost: Array  # (run, k) trace(Lambda P) after the update
-    gate: Array  # (run, k) sqrt(det S) [m^2/s]: the area of the validation gate over pi times its squared size
+    gate: Array  # (run, k) sqrt(det S) [m^2/s]: area of the validation gate / (pi times its squared size)
     squared_error: Array  # (run, k) m^2, of range
     nees: Array  # (run, k)
     duration: Array  # (run, k) s
@@ -107,9 +107,9 @@ def play(runs: int, seed: int = 0, jobs: int = -1, *, store: Path | None = None)
 
 
 def system(case: Case) -> KershawEvans:
-    """The closed loop that a case is played in. Ranges and speeds are those of the scene, whatever they are.
+    """The closed loop in which a case is played. Ranges and speeds are those of the scene, whatever they are.
 
-    Pulses are received whole, as in the paper: closed forms know no eclipsing.
+    Pulses are received whole, as in the paper: the closed forms do not include eclipsing.
     """
     scene, settings = SCENES[case.scene], dict[str, Any]()
     if case.targets != DRAWN:
@@ -153,7 +153,7 @@ def _play(case: Case, best: int, seeds: Sequence[int]) -> Runs:
     loop = system(case)
     world, policy = draw_worlds(loop, seeds), _policy(case, best, loop)
     state, kept = loop.initial(world), list[tuple[Array, ...]]()
-    policy.begin(loop, len(seeds), np.random.default_rng(0))  # none of these policies draws
+    policy.begin(loop, len(seeds), np.random.default_rng(0))  # no policy here draws random numbers
     for _ in range(loop.horizon):
         action = policy.act(state.belief, None, None)
         P, eta = shortcuts.next_pulse(loop, state.belief)

@@ -19,8 +19,8 @@ JUMP = 2.0  # by more than this factor
 def jumps(runs: Runs, start: int, seed: int) -> dict[str, Any]:
     """The share of steps from ``start`` on at which a platform's PRF changes by more than ``JUMP``.
 
-    Keys: ``mean`` and ``ci`` of a run's share over the steps of all its platforms; ``platforms``, a list of the same of
-    each platform.
+    Keys: ``mean`` and ``ci`` of a run's share, over the steps of all platforms; ``platforms``, a list with the same
+    keys for each platform.
     """
     prf = runs.settings[:, start:, :, PRF]
     change = np.maximum(prf[:, 1:] / prf[:, :-1], prf[:, :-1] / prf[:, 1:]) > JUMP
@@ -30,9 +30,9 @@ def jumps(runs: Runs, start: int, seed: int) -> dict[str, Any]:
 
 
 def agreement(runs: Runs, seed: int) -> dict[str, Any]:
-    """How often the paper's objective chooses the same settings for the same belief, platforms together.
+    """How often the paper's objective chooses the same settings for the same belief, all platforms together.
 
-    Keys: ``both`` (PRF and pixel angle of a platform), ``prf``, ``angle``; ``late``, both over the last half.
+    Keys: ``both`` (PRF and pixel angle of a platform), ``prf``, ``angle``; ``late``, as ``both`` for the last half.
     """
     same: Array = np.isclose(runs.settings, runs.rival, rtol=1e-9, atol=0.0)
     both, half = np.asarray(same.all(axis=-1)), same.shape[1] // 2
@@ -49,12 +49,14 @@ def adaptation(runs: Runs, loop: RfEo, marks: list[int], seed: int) -> dict[str,
     """How settings follow the targets.
 
     Keys:
-        marks: steps. angle: by platform its quantiles over runs (10, 50 and 90 %) at these, rad. factor: by platform
-        the greatest over the smallest pixel angle of a run, a geometric mean. factor_late: the same over the last half.
-        finest: share of runs in which, over the last half, platform 2 has the smaller pixel angle (geometric mean).
-        second_over_first: its pixel angle over that of platform 1, both geometric means over the last half.
-        narrower: of the steps of the last half at which the pixel angles differ, the share at which the platform with
-        the finer one sees the targets closer to its look direction.
+        marks: steps.
+        angle: for each platform its quantiles over runs (10, 50 and 90 %) at these steps, rad.
+        factor: for each platform the greatest divided by the smallest pixel angle of a run, a geometric mean.
+        factor_late: the same over the last half.
+        finest: share of runs in which platform 2 has the smaller pixel angle over the last half (geometric mean).
+        second_over_first: its pixel angle divided by that of platform 1, both geometric means over the last half.
+        narrower: of the steps in the last half with different pixel angles, the share at which the platform with the
+        finer pixels sees the targets closer to its look direction.
     """
     half, angle = runs.settings.shape[1] // 2, runs.settings[..., ANGLE]
     late = np.exp(np.log(angle[:, half:]).mean(axis=1))
@@ -71,12 +73,12 @@ def adaptation(runs: Runs, loop: RfEo, marks: list[int], seed: int) -> dict[str,
 
 
 def _factors(angle: Array, seed: int) -> list[dict[str, Any]]:
-    """Greatest over smallest of each run, by platform."""
+    """Greatest divided by smallest pixel angle of each run, by platform."""
     return [ratio_estimates(of.max(axis=1), of.min(axis=1), seed) for of in np.moveaxis(angle, 2, 0)]
 
 
 def _narrower(runs: Runs, loop: RfEo, start: int) -> Array:
-    """(run,) share of steps; without the runs whose pixel angles never differ."""
+    """(run,) share of steps; runs whose pixel angles never differ are left out."""
     offset = runs.truth[:, start:, :, None] - loop.places[:, :2]  # (run, k, target, platform, 2)
     azimuth = np.arctan2(offset[..., 0], offset[..., 1]) - loop.places[:, 2]
     widest = np.abs(np.angle(np.exp(1j * azimuth))).max(axis=2)

@@ -1,4 +1,4 @@
-"""The claims of O'Rourke and Swindlehurst, and our own, held against the summary."""
+"""The claims of O'Rourke and Swindlehurst, and our own, checked with the summary."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def check_claims(summary: dict[str, Any]) -> list[Claim]:
 
 
 def _fixed(scene: dict[str, Any]) -> Iterator[Claim]:
-    """The fixed settings against the adaptive ones, over the parts of the run."""
+    """The fixed settings against the adaptive ones, for each part of the run."""
     fixed, adaptive = (scene["policies"][name] for name in (PROPOSED, ADAPTIVE))
     text = "The fixed settings have a larger RMSE over the last half: ratio to myopic"
     yield claim(text, PUBLISHED, ratio_of(fixed["late_over_myopic"]), ORDER, "at least 10", 1)
@@ -65,7 +65,7 @@ def _alternation(name: str, policies: dict[str, Any]) -> Iterator[Claim]:
 
 
 def _others(name: str, scene: dict[str, Any]) -> Iterator[Claim]:
-    """What the paper does not ask."""
+    """Questions that the paper does not ask."""
     policies = scene["policies"]
     for policy, words in (
         (CONSTANT, "the tuned constant"),

@@ -27,13 +27,13 @@ from wavegym.evaluation.consistency import nees_bounds
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.summary import versions
 
-PARTS = (0.0, 0.01, 0.1, 0.5, 1.0)  # of a run: the edges of its windows; the last one is "late"
+PARTS = (0.0, 0.01, 0.1, 0.5, 1.0)  # the edges of the windows of a run; the last window is "late"
 SETTLED = 10  # steps after which the transient is over
-STATES = 4  # of a target, the mean NEES of a consistent filter
+STATES = 4  # the mean NEES of a consistent filter, for one target
 
 
 def summarise(study: Study) -> dict[str, Any]:
-    """All numbers, as plain types; None where there is no estimate.
+    """All numbers, as plain types; None if there is no estimate.
 
     Keys:
         command, seed, runs, versions, and scenes: for "published" and "far" ``horizon``, ``margin`` and ``threshold``,
@@ -42,19 +42,27 @@ def summarise(study: Study) -> dict[str, Any]:
         us_per_decision), ``penalties`` (by penalty in prediction ``cost`` and ``over_logistic`` of the one-step
         scheduler), ``adaptation`` (of both objectives) and ``agreement``.
 
-        Of each policy: ``cost`` {mean, ci, median}, trace(W P) per step, m^2; ``over_tuned`` and ``over_myopic``
-        {ratio, ci, geometric, geometric_ci, runs}, cost over that of the tuned constant and of the one-step scheduler
-        on the same worlds; ``rmse`` {mean, ci, median}, root mean square position error of a run in m, ``rmse_late``,
-        the same over the last half, and ``late_over_myopic``, its ratio; ``windows``, a list of {first, last, mean, ci,
-        fall, over_myopic}: rmse by part of the run, its ratio to the part before, and to the one-step scheduler's;
-        ``nees`` {mean, ci, first, band, inside, inside_settled}: over all steps, at the first step, the 95 % band of
-        the mean over runs and targets at one step, and the share of steps whose mean is inside it, from the first and
-        after ``SETTLED`` (these have no interval: resampled runs are not independent ones); ``below_threshold``, share
-        of steps, predicted with the scene's margin whatever the policy's; ``missed_first``, share of runs whose first
-        step lost a measurement that was predicted in view, ``missed``, share of steps that lost one; ``jumps`` and
-        ``jumps_late`` {mean, ci, platforms}: share of the platforms' steps at which the PRF changes by more than a
-        factor of two, and of each platform's, over the run and its last half; us_per_decision, the only figure taken
-        from a clock.
+        Each policy has:
+
+        ``cost`` {mean, ci, median}: trace(W P) per step, m^2; ``over_tuned`` and ``over_myopic`` {ratio, ci, geometric,
+        geometric_ci, runs}: the cost divided by that of the tuned constant and of the one-step scheduler on the same
+        worlds.
+
+        ``rmse`` {mean, ci, median}: root mean square position error of a run in m; ``rmse_late``, the same over the
+        last half, and ``late_over_myopic``, its ratio; ``windows``, a list of {first, last, mean, ci, fall,
+        over_myopic}: rmse of a part of the run, its ratio to the part before and to that of the one-step scheduler.
+
+        ``nees`` {mean, ci, first, band, inside, inside_settled}: the mean over all steps and at the first step; the
+        95 % band of the mean over runs and targets at one step; the share of steps whose mean is inside the band, from
+        the first step and after ``SETTLED``. The shares have no interval, because resampled runs are not independent.
+
+        ``below_threshold``: share of steps, predicted with the scene's margin for every policy; ``missed_first``: share
+        of runs whose first step lost a measurement that was predicted in view; ``missed``: share of steps that lost
+        one.
+
+        ``jumps`` and ``jumps_late`` {mean, ci, platforms}: share of the platforms' steps at which the PRF changes by
+        more than a factor of two, together and for each platform, over the run and its last half; us_per_decision: the
+        only figure that depends on a clock.
 
         Intervals are [low, high], 95 %: of a BCa bootstrap over runs; of a share that is 0 or 1 in each run, or the
         same in all, from the binomial distribution (Clopper and Pearson).
@@ -106,7 +114,7 @@ def _scene(study: Study, scene: str) -> dict[str, Any]:
 
 
 def marks(horizon: int) -> list[int]:
-    """The last steps of the windows, and the first step of all."""
+    """The first step of the run, and the last step of each window."""
     return sorted({1, *(max(1, round(part * horizon)) for part in PARTS[1:])})
 
 

@@ -47,7 +47,7 @@ Curves = Mapping[tuple[str, str, int], Sequence[Estimate]]  # (scene, policy, ta
 
 
 def draw_tracks(study: Study) -> bytes:
-    """Figure 2: platforms, true and estimated tracks in the world where the fixed settings err most."""
+    """Figure 2: platforms, true and estimated tracks in the world with the largest error of the fixed settings."""
     figure = new_figure(11.0, 6.0)
     for axes, scene in zip(figure.subplots(1, len(SCENES)), SCENES, strict=True):
         loop = system(Case(scene, ADAPTIVE))
@@ -74,7 +74,7 @@ def draw_tracks(study: Study) -> bytes:
 
 
 def draw_errors(study: Study, curves: Curves) -> bytes:
-    """Figure 3: RMS position error of each target over runs with its 95 % band; below, what NEES shows."""
+    """Figure 3: RMS position error of each target over runs with its 95 % band; below it, the NEES."""
     figure = new_figure(11.0, 10.5)
     grid = figure.subplots(3, len(SCENES), sharex="col", squeeze=False)
     for column, scene in zip(grid.T, SCENES, strict=True):
@@ -117,7 +117,7 @@ def _draw_nees(axes: Axes, study: Study, scene: str) -> None:
 
 
 def draw_settings(study: Study) -> bytes:
-    """Figure 4: the settings over time, of the first world and quantiles of all; by scene and objective."""
+    """Figure 4: the settings over time in the first world, and quantiles over all worlds; by scene and objective."""
     columns = [(scene, policy) for scene in SCENES for policy in (ADAPTIVE, INFORMATION)]
     figure = new_figure(14.0, 8.5)
     grid = figure.subplots(len(PARAMETERS), len(columns), sharex="col", sharey="row", squeeze=False)

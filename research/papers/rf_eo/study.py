@@ -1,4 +1,4 @@
-"""The comparison of O'Rourke and Swindlehurst, section V, played on the same worlds; and the same for far targets."""
+"""The comparison of O'Rourke and Swindlehurst, section V, on the same worlds; also for far targets."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SCENES: dict[str, type[RfEo]] = {PUBLISHED: RfEo, FAR: RfEoFar}
 VANISHING: dict[str, Any] = {"folding": False, "prf": RfEo.prf}  # as in the paper, echoes do not fold
 PROPOSED, CONSTANT, CYCLE = "fixed:proposed", "tuned-constant", "tuned-cycle"
 ADAPTIVE, INFORMATION = "myopic", "myopic-information"
-MARGIN = {PUBLISHED: "myopic-margin:2", FAR: "myopic-margin:0"}  # the other margin than the scene's own
+MARGIN = {PUBLISHED: "myopic-margin:2", FAR: "myopic-margin:0"}  # a margin other than the scene's own
 DEPTHS = (1, 2, 3, 5, 10)
 TUNED = (CONSTANT, CYCLE)
 POLICIES = {  # the far targets are always beyond the range of the proposed settings: no comparison is possible
@@ -58,13 +58,13 @@ class Runs(NamedTuple):
     cost: Array  # (run, k) trace(W P) summed over the targets, m^2
     error: Array  # (run, k, target) position error, m
     nees: Array  # (run, k, target) normalised estimation error squared, expected 4
-    below: Array  # (run, k) bool: prediction with the scene's margin gives some target less information than t
-    missed: Array  # (run, k) int: quantities in view where the target was predicted, out of view where it was
+    below: Array  # (run, k) bool: some target is predicted less information than t, with the scene's margin
+    missed: Array  # (run, k) int: quantities in view of the predicted target but not of the true one
     settings: Array  # (run, k, platform, 3) PRF in Hz, bandwidth in Hz, pixel angle in rad
     rival: Array  # the settings that the paper's objective chooses for the same belief; only in runs of the least trace
     truth: Array  # (run, k, target, 2) true position, m
     estimate: Array  # (run, k, target, 2) estimated position, m
-    seconds: Array  # (run,) spent on decisions
+    seconds: Array  # (run,) time of the decisions
 
     @property
     def mean_cost(self) -> Array:
@@ -112,7 +112,7 @@ def play(
         seed: of the worlds and of the tuning worlds.
         jobs: processes; -1 = one for each core.
         store: folder for partial results; the same call continues from them after an interruption.
-        tuning: worlds on which constants and cycles are tuned, none of them played afterwards.
+        tuning: number of worlds on which constants and cycles are tuned; they are not played afterwards.
         horizon: steps of each run; 0 for the horizon of the scene.
 
     Raises:
@@ -134,7 +134,7 @@ def play(
     work = [delayed(tune)(case, world_seeds(seed, TUNE, tuning)) for case in wanted]
     work += [
         delayed(part)(case, None, chunk) for case in plain for chunk in chunks
-    ]  # together with the tuning, which is long
+    ]  # together with the tuning, which takes long
     done = run_all(jobs, "tuning, playing", work)
     tuned: dict[Case, Array] = dict(zip(wanted, done, strict=False))
     work = [delayed(part)(case, tuned[case], chunk) for case in wanted for chunk in chunks]
@@ -145,7 +145,7 @@ def play(
 
 
 def system(case: Case) -> RfEo:
-    """The closed loop that a case is played in."""
+    """The closed loop in which a case is played."""
     given: dict[str, Any] = {**VANISHING, "penalty": cast("Penalty", case.penalty)}
     if case.horizon:
         given["horizon"] = case.horizon
@@ -167,7 +167,7 @@ def _policy(case: Case, loop: RfEo, tuned: Array | None) -> Policy:
 
 
 def _play(case: Case, tuned: Array | None, seeds: Sequence[int], steps: int = 0) -> Runs:
-    """One batch of worlds, to the end or for so many ``steps``."""
+    """One batch of worlds, to the end or for this number of ``steps``."""
     loop = system(case)
     world, policy = draw_worlds(loop, seeds), _policy(case, loop, tuned)
     state = loop.initial(world)
@@ -192,7 +192,7 @@ def _play(case: Case, tuned: Array | None, seeds: Sequence[int], steps: int = 0)
 
 
 def _missed(loop: RfEo, before: State, after: State, settings: Array) -> Array:
-    """Quantities of all targets that the prediction had in view and the truth had not, (env,) int."""
+    """Number of quantities, over all targets, that were in view by the prediction but not by the truth, (env,) int."""
     there, here = (in_view(loop, x, settings) for x in (before.belief.mean @ loop.motion.F.T, after.truth.targets))
     count: Array = (there & ~here).sum(axis=(1, 2, 3))
     return count
@@ -201,7 +201,7 @@ def _missed(loop: RfEo, before: State, after: State, settings: Array) -> Array:
 def in_view(loop: RfEo, x: Array, settings: Array) -> Array:
     """Which quantities (range, range-rate, azimuth) of states x a platform gets, (env, target, platform, 3) bool.
 
-    By the rules of the loop: nothing nearer than ``nearest_range``, the misprints of ``as_printed``, and with
+    The rules are those of the loop: nothing nearer than ``nearest_range``, the misprints of ``as_printed``, and with
     ``out_of_view="inflated"`` everything that is not too near.
 
     Args:

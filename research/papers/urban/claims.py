@@ -1,4 +1,4 @@
-"""The claims of Barbosa et al., and our own, held against the summary."""
+"""The claims of Barbosa et al., and our own, checked with the summary."""
 
 from __future__ import annotations
 
@@ -70,9 +70,9 @@ def _emergent(summary: dict[str, Any], setting: str) -> Iterator[Claim]:
 
 
 def _others(summary: dict[str, Any], setting: str) -> Iterator[Claim]:
-    """What the paper does not ask."""
+    """Questions that the paper does not ask."""
     one, models = (figures_of(summary, setting, loop)["over_closed"] for loop in (ONE_MODEL, MODELS_ALONE))
-    text = "One NCV model of 1 m/s² in an open loop errs no more than the closed loop: ratio"
+    text = "One NCV model of 1 m/s² in an open loop has no larger error than the closed loop: ratio"
     yield claim(text, setting, ratio_of(one["rmse"]), NO_WORSE)
     text = "One NCV model of 1 m/s² in an open loop confirms as many tracks as the closed loop: ratio"
     yield claim(text, setting, ratio_of(one["confirmed"]), ALIKE)
@@ -86,7 +86,7 @@ def _others(summary: dict[str, Any], setting: str) -> Iterator[Claim]:
 
 
 def _starts(summary: dict[str, Any]) -> Iterator[Claim]:
-    """The strictest limit for new tracks against the loosest."""
+    """The strictest limit for new tracks against the loosest one."""
     strictest, *_, loosest = (increase_of(ratio_of(of["over_open"]["confirmed"])) for of in summary["starts"])
     if loosest.ci is not None:
         text = "The gain in confirmed tracks is larger with strict starts: %, against the interval of the loosest start"

@@ -33,7 +33,7 @@ def false_tracks(scene: Scene, transmitter: Point, receivers: Sequence[Point], p
     Returns:
         (run, origin), in the order of ``ORIGINS``.
     """
-    run, slot, k = np.nonzero(np.isfinite(place[..., 0]).swapaxes(1, 2))  # scans last: a track's first one comes first
+    run, slot, k = np.nonzero(np.isfinite(place[..., 0]).swapaxes(1, 2))  # in the order of a track's scans
     x = place[run, k, slot]
     off = scene.truth[k + 1, :, :2] - x[:, None, :2]
     distance = np.where(scene.present[k + 1], np.hypot(off[..., 0], off[..., 1]), np.inf)
@@ -56,7 +56,7 @@ def _made_of(scene: Scene, transmitter: Point, receivers: Sequence[Point], x: Ar
         visible = np.arange(scene.z.shape[3]) < scene.path_count[m, scan][..., None]  # (n, target, path)
         close = (np.abs(scene.z[m, scan] - own[:, None, None]) <= NEAR).all(axis=-1) & visible
         explained.append(close.any(axis=(1, 2)))
-        straight.append((close & (scene.reflected[m, scan] == 1.0)).any(axis=2))  # nothing lost at walls
+        straight.append((close & (scene.reflected[m, scan] == 1.0)).any(axis=2))  # walls reflect without loss
     mirror = np.logical_and.reduce(straight).any(axis=1)
     walls = np.where(np.logical_and.reduce(explained), ORIGINS.index(WALLS), ORIGINS.index(OTHER))
     return np.where(mirror, ORIGINS.index(MIRROR), walls)

@@ -12,7 +12,7 @@ from wavegym.evaluation.statistics import Estimate
 from wavegym.systems.urban.system import Urban
 from wavegym.systems.urban.tracker import MODELS
 
-LIMIT = 0.8  # a model with a greater probability counts as known
+LIMIT = 0.8  # a model with a larger probability counts as known
 GRACE = 5  # scans allowed for the change of models
 BRAKING, TURN, SPEEDING, ON = "braking", "left turn", "speeding up", "driving on"
 EXPECTED = {BRAKING: "NCA", TURN: "CT left", SPEEDING: "NCA", ON: "NCV"}
@@ -45,10 +45,11 @@ def models(mu: Array, loop: Urban, seed: int) -> list[list[dict[str, Any]]]:
     """The model probabilities of each target in each phase, from braking on.
 
     Keys:
-        phase, first, last: scans from ``GRACE`` after the change on. expected: the model of the true motion.
+        phase, first, last: scans from ``GRACE`` after the change. expected: the model of the true motion.
         mean: by model {mean, ci}, over these scans and the runs that hold the target.
         least: {mean, ci, scan}, where the expected model's mean over runs is least.
-        known_from: the scan from which the mean stays above ``LIMIT`` until the phase ends; None if there is none.
+        known_from: the first scan after which the mean stays above ``LIMIT`` until the phase ends; None if there is
+        none.
     """
     return [
         [_phase(mu[:, :, target], phase, seed) for phase in phases(loop, target) if phase.name in EXPECTED]

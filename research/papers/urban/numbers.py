@@ -16,23 +16,23 @@ from wavegym.evaluation.summary import versions
 
 
 def summarise(study: Study) -> dict[str, Any]:
-    """All numbers, as plain types; None where there is no estimate.
+    """All numbers, as plain types; None if there is no estimate.
 
     Keys:
-        command, seed, runs, scans, versions, ``seen``, share of the targets' scans at which the direct paths to both
-        receivers are open, ``starts``, a list by ``vaguest`` of the closed loop's figures ``over_open`` and of either
-        loop's false tracks, and settings: for "loose" and "strict" ``vaguest`` in m, ``models`` of the closed loop
-        (``motion_models.models``), ``ghosts_over_none`` (of the closed and the open loop, held targets and false
-        tracks with ghost logic over those without) and ``systems``: with and without ghost logic, by filter and policy,
-        figures.
+        command, seed, runs, scans, versions; ``seen``: share of the targets' scans at which the direct paths to both
+        receivers are open; ``starts``: a list by ``vaguest`` of the closed loop's figures ``over_open`` and of the
+        false tracks of both loops; and settings, "loose" and "strict": ``vaguest`` in m; ``models`` of the closed loop
+        (``motion_models.models``); ``ghosts_over_none``: held targets and false tracks with ghost logic divided by
+        those without, for the closed and the open loop; ``systems``: figures with and without ghost logic, by filter
+        and policy.
 
-        Of each: ``confirmed``, tracks at a scan; ``rmse`` {mean, ci}, seed of the mean squared position error in m over
-        all runs, scans and targets held; ``held``, share of the targets' scans at which a confirmed track is within
-        20 m; ``lost``, share of those seen at which none is; ``losses``, how often in a run a target that was held is
-        not at the next scan; ``gospa``, m; ``false``, tracks at a scan with no target within 20 m; ``false_tracks``
-        {mean, ci, origins}, different ones in a run (``false_tracks``); ``long``, share of the longest pulse in the
-        scans at which there is a track; ``over_closed`` and ``over_open``: confirmed, held, rmse and gospa {ratio, ci}
-        over those of the paper's closed and open loop with the same setting and ghost logic.
+        The figures are: ``confirmed``, tracks at a scan; ``rmse`` {mean, ci}, root of the mean squared position error
+        in m over all runs, scans and targets held; ``held``, share of the targets' scans at which a confirmed track is
+        within 20 m; ``lost``, share of the seen scans without such a track; ``losses``, how often in a run a held
+        target is not held at the next scan; ``gospa``, m; ``false``, tracks at a scan with no target within 20 m;
+        ``false_tracks`` {mean, ci, origins}, different false tracks in a run (``false_tracks``); ``long``, share of the
+        longest pulse in the scans with a track; ``over_closed`` and ``over_open``: confirmed, held, rmse and gospa
+        {ratio, ci} relative to the paper's closed and open loop with the same setting and ghost logic.
 
         Intervals are [low, high], 95 %: of a BCa bootstrap over runs, ratios in pairs on the same worlds; of a share
         that is 0 or 1 in each run, or the same in all, from the binomial distribution (Clopper and Pearson).
@@ -53,14 +53,14 @@ def summarise(study: Study) -> dict[str, Any]:
 
 
 def figures_of(summary: dict[str, Any], setting: str, loop: tuple[str, str], ghosts: bool = True) -> dict[str, Any]:
-    """The figures of one filter and policy in a summary."""
+    """The figures of one filter and policy, from a summary."""
     of, policy = loop
     found: dict[str, Any] = summary["settings"][setting]["systems"][GHOSTS[ghosts]][of][policy]
     return found
 
 
 def phase_of(summary: dict[str, Any], setting: str, phase: str) -> dict[str, Any]:
-    """The models of the first target in one phase, in a summary."""
+    """The models of the first target in one phase, from a summary."""
     found: dict[str, Any] = next(of for of in summary["settings"][setting]["models"][0] if of["phase"] == phase)
     return found
 
@@ -114,7 +114,7 @@ def _start(study: Study, start: str) -> dict[str, Any]:
 def _figures(study: Study, case: Case) -> dict[str, Any]:
     seed, runs, loop = study.seed, study.runs[case], system(case)
     there, seen = loop.scene.present[1:].sum(), loop.scene.direct[1:].sum()
-    gone = runs.held[:, :-1] & ~runs.held[:, 1:]  # a target that is there stays
+    gone = runs.held[:, :-1] & ~runs.held[:, 1:]  # a present target stays
     is_long = runs.action // 2 == np.argmax(loop.durations)
     tracked = runs.tracked.sum(axis=1)
     return {
@@ -146,7 +146,7 @@ def _over(runs: Runs, reference: Runs, seed: int) -> dict[str, Any]:
 
 
 def _held(runs: Runs) -> Array:
-    """Scans at which targets are held, (run,)."""
+    """Number of scans at which targets are held, (run,)."""
     count: Array = runs.held.sum(axis=(1, 2))
     return count
 

@@ -29,8 +29,8 @@ COLOURS = {OPEN: "#d55e00", (NCV1, TURNS): "#009e73", (VSIMM, TURNS): "#0072b2",
 LINES = {OPEN: "-.", (NCV1, TURNS): ":", (VSIMM, TURNS): "--", CLOSED: "-"}
 MODEL_COLOURS = dict(zip(MODELS, ("#0072b2", "#d55e00", "#009e73", "#cc79a7"), strict=True))
 TITLES = {name: f"{name} starts ({vaguest:g} m)" for name, vaguest in SETTINGS.items()}
-FEW = 0.1  # of the runs: from fewer no curve is drawn
-MARKED = (0, 40, 60, 80, 100, 140)  # scans named beside the path
+FEW = 0.1  # least share of the runs for which a curve is drawn
+MARKED = (0, 40, 60, 80, 100, 140)  # scans whose numbers stand beside the path
 MARGIN = 6.0  # m
 
 Curves = Mapping[tuple[str, tuple[str, str]], Sequence[Estimate]]  # (setting, loop)
@@ -108,7 +108,7 @@ def draw_errors(study: Study, curves: Curves) -> bytes:
 
 
 def _draw_curves(study: Study, curves: Curves, least: float) -> tuple[Figure, Any]:
-    """All loops in either setting, where at least this share of the runs holds a target."""
+    """All loops in both settings, at scans where at least this share of the runs holds a target."""
     figure = new_figure(11.0, 5.2)
     grid = figure.subplots(1, len(SETTINGS), sharey=True)
     for axes, setting in zip(grid, SETTINGS, strict=True):

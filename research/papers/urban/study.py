@@ -1,4 +1,4 @@
-"""The comparison of Barbosa et al., section V, played on the same worlds; and every filter with every scheduler."""
+"""The comparison of Barbosa et al., section V, on the same worlds; also every filter with every scheduler."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ FILTERS: dict[str, dict[str, Any]] = {
 MYOPIC, TURNS, LONG, SHORT, RANDOM = "myopic", "round-robin", "fixed:2", "fixed:0", "random"
 POLICIES = (MYOPIC, TURNS, LONG, SHORT, RANDOM)
 PAPER: dict[str, Any] = {"direction_of_arrival": False, "truth": {"sigma": 0.0}}  # targets keep to the route
-PULSES = (0.5e-6, 1.375e-6)  # s, in the paper's order: without a track the scheduler sends the first
+PULSES = (0.5e-6, 1.375e-6)  # s, in the paper's order; without a track the scheduler sends the first pulse
 CHUNK = 50  # worlds played as one batch
 
 
@@ -75,7 +75,7 @@ class Runs(NamedTuple):
     gospa: Array  # (run, k) m
     mu: Array  # (run, k, target, model) of the nearest confirmed track; NaN where not held
     action: Array  # (run, k) the pulse
-    tracked: Array  # (run, k) bool: there was a track when it was chosen
+    tracked: Array  # (run, k) bool: there was a track when the pulse was chosen
     place: Array  # (run, k, slot, 4) state of a confirmed track; NaN elsewhere
     origins: Array  # (run, origin) false confirmed tracks by their origin (``false_tracks.ORIGINS``)
 
@@ -123,12 +123,12 @@ def play(runs: int, seed: int = 0, jobs: int = -1, *, store: Path | None = None)
 
 @cache
 def system(case: Case) -> Urban:
-    """The closed loop that a case is played in."""
+    """The closed loop in which a case is played."""
     return Urban(**PAPER, vaguest=STARTS[case.setting], ghosts=case.ghosts, durations=PULSES, **FILTERS[case.filter])
 
 
 def _play(case: Case, seeds: Sequence[int], scans: int = 0) -> Runs:
-    """One batch of worlds, to the end or for so many ``scans``."""
+    """One batch of worlds, to the end or for this number of ``scans``."""
     loop = system(case)
     world, policy = draw_worlds(loop, seeds), make_policy(case.policy, loop, None)
     state = loop.initial(world)

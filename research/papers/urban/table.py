@@ -18,15 +18,15 @@ ABLATION = (
     "over closed", "95 %", "held %", "false tracks a run", "GOSPA, m",
 )  # fmt: skip
 STARTS = (
-    "place of a new track known to", "confirmed, closed over open", "95 %", "RMSE, closed over open", "95 %",
+    "limit for a new track", "confirmed, closed over open", "95 %", "RMSE, closed over open", "95 %",
     "held, closed over open", "95 %", "false tracks a run, closed", "95 %", "open", "95 %",
 )  # fmt: skip
-MODELS = ("starts", "target", "phase", "scans", "NCV", "NCA", "CT left", "CT right", "least of the right one", "95 %",
-          "above .8 from scan")  # fmt: skip
+MODELS = ("starts", "target", "phase", "scans", "NCV", "NCA", "CT left", "CT right", "lowest, true model", "95 %",
+          "above 0.8 from scan")  # fmt: skip
 
 
 def markdown(summary: dict[str, Any]) -> str:
-    """Closed against open loop, then every filter with every policy, starts, models."""
+    """Closed against open loop, then every filter with every policy, limits for new tracks, and models."""
     headline = [_headline(summary, setting, ghosts) for setting in SETTINGS for ghosts in GHOSTS]
     parts = [f"Closed against open loop\n\n{table(HEAD, [row for rows in headline for row in rows])}"]
     for setting in SETTINGS:
@@ -34,7 +34,7 @@ def markdown(summary: dict[str, Any]) -> str:
         rows = [(of, policy, *_cells(found)) for of, each in systems.items() for policy, found in each.items()]
         parts.append(f"Filter and policy, {setting} starts, with ghost logic\n\n{table(ABLATION, rows)}")
     models = [row for setting in SETTINGS for row in _models(setting, summary["settings"][setting]["models"])]
-    parts.append(f"How vague a track may begin, with ghost logic\n\n{table(STARTS, _starts(summary['starts']))}")
+    parts.append(f"Limits for new tracks, with ghost logic\n\n{table(STARTS, _starts(summary['starts']))}")
     return "\n\n".join([*parts, f"Models, closed loop with ghost logic\n\n{table(MODELS, models)}"])
 
 

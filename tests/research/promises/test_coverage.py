@@ -1,4 +1,4 @@
-"""Simulated coverage finds good intervals good, and those that a rare world decides bad."""
+"""Simulated coverage accepts good intervals, and rejects intervals that depend on a rare world."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Planted defects: each still has its line, and a defect that no test finds is told from one that is found."""
+"""Planted defects: each still has its line, and a defect that no test finds is reported."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ def test_the_prepared_price_is_the_lowest_of_an_exhaustive_search_that_lasts():
 
 @pytest.mark.parametrize("thrift", [0.5, 1.0, 1.5])
 def test_the_predicted_account_is_spent_as_the_thrift_says(thrift):
-    """Of a unit that the expected recursion spends, 1 / thrift leaves the account."""
+    """For each unit that the expected recursion spends, 1 / thrift leaves the account."""
     belief = start(5)
     prepared = begun(AdaptiveLagrangianPrice(3, thrift)).prepare(belief)
     for env in range(5):
@@ -110,7 +110,7 @@ def test_the_predicted_account_is_spent_as_the_thrift_says(thrift):
 
 
 def test_in_a_simulated_future_the_price_rises_with_the_cube_of_what_is_missing():
-    """At the root it is the prepared price; with an account of 1 / 1.1 of the prediction, 1.1 cubed of it."""
+    """At the root it is the prepared price; if the account is 1 / 1.1 of the prediction, 1.1^3 times that price."""
     belief = start(6)
     heuristic = begun(AdaptiveLagrangianPrice(3))
     prepared = heuristic.prepare(belief)
@@ -177,7 +177,7 @@ def test_in_simulated_futures_the_price_follows_what_is_left():
 def test_constant_pace_spends_no_more_than_its_share():
     belief = start(10)
     gain = shortcuts.gain(SYSTEM, belief, 0, 3)
-    for share, allowed in [(1.0, [0, 2, 4]), (3.0, range(5)), (0.1, [4])]:  # .4 a step: the short pulses and silence
+    for share, allowed in [(1.0, [0, 2, 4]), (3.0, range(5)), (0.1, [4])]:  # 0.4 a step: the short pulses and silence
         chosen = begun(ConstantPace(3, share)).act(belief, None, None)
         assert set(chosen) <= set(allowed)
         best = gain[:, list(allowed)].max(axis=1)

@@ -41,7 +41,7 @@ def test_an_exchanged_plan_stays_within_the_account_and_no_single_change_that_fi
 
 
 def test_what_is_spent_too_early_is_moved_to_where_it_saves_more():
-    """One pulse can be paid, and it goes where it costs least of all places, which no single change can bring about."""
+    """The account pays one pulse. It must move to the place of least cost, which no single change can achieve."""
     system = DelaySystem(horizon=6, setup=0, budget=1.0, pd=1.0)
     futures, belief = begun(system)
     plan = np.full((WORLDS, system.horizon), CANDIDATES.index("silence"))

@@ -101,7 +101,7 @@ def expected_cost(system, policy, belief, tries, seed):
 
 
 def test_a_node_of_the_tree_search_knows_the_cost_to_come_from_it(monkeypatch):
-    """Of two certain steps: the root that of both, its children that of the second alone."""
+    """With two certain steps, the root has the cost of both and its children that of the second."""
     roots, given = [], mcts._line
     monkeypatch.setattr(mcts, "_line", lambda root, options: roots.append(root) or given(root, options))
     belief = CERTAIN.initial(delay_worlds(CERTAIN, 1)).belief
@@ -121,7 +121,7 @@ def test_a_node_of_the_tree_search_knows_the_cost_to_come_from_it(monkeypatch):
 def test_the_tree_search_tries_what_it_knows_least():
     node = mcts._Node(np.array([True, True, False]))
     node.visits[:2], node.total[:2] = (10, 2), (10.0, 2.1)  # means 1 and 1.05
-    assert [node.option(0, spread) for spread in (0.0, 0.01, 1.0)] == [0, 0, 1]  # roots of ln 12 / n differ by .62
+    assert [node.option(0, spread) for spread in (0.0, 0.01, 1.0)] == [0, 0, 1]  # roots of ln 12 / n differ by 0.62
 
 
 @pytest.mark.parametrize("is_given", [True, False])
@@ -242,7 +242,7 @@ def test_futures_end_with_the_episode():
 
 def test_a_planner_leaves_its_base_only_for_a_significant_gain():
     base_costs = np.array([[[4.0, 6.0, 5.0, 5.0]]])
-    a_bit = base_costs - np.array([3.0, -2.5, 0.0, 0.0])  # mean gain .125, standard error 1.1
+    a_bit = base_costs - np.array([3.0, -2.5, 0.0, 0.0])  # mean gain 0.125, standard error 1.1
     surely = base_costs - np.array([0.1, 0.11, 0.09, 0.1])
     assert significant(a_bit, base_costs, 1.0) == -1
     assert significant(a_bit, base_costs, 0.0) == 0
@@ -275,7 +275,7 @@ def test_neighbours_differ_by_a_move_or_two_of_what_is_still_to_come():
 
 
 def test_decisions_do_not_depend_on_the_batch_where_nothing_is_drawn():
-    """A future of the expected recursion is the same whoever is beside it."""
+    """A future of the expected recursion does not depend on the rest of the batch."""
     belief = CERTAIN.initial(delay_worlds(CERTAIN, 5)).belief
     futures = SampledFutures(base(), STEPS, 1)
     futures.begin(CERTAIN, 5, np.random.default_rng(0))

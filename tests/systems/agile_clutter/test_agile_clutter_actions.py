@@ -33,7 +33,7 @@ def test_the_library_has_law_duration_sweep_direction_in_this_order():
     assert [w.kind for w in action_set.library] == [LAWS[law][:3] for law, *_ in CHIRPS]
     assert [(w.duration, w.signed_sweep) for w in action_set.library] == [(d, sign * s) for _, d, s, sign in CHIRPS]
     want = np.array([covariance(LAWS[law], d, sign * s) for law, d, s, sign in CHIRPS])
-    # LFM: J is inverted in the oracle, with 1 - rho^2 of 7e-6 and less; the others have .05 and more
+    # LFM: J is inverted in the oracle, with 1 - rho^2 of 7e-6 and less; the others have 0.05 and more
     assert oracles.covariance_distance(action_set.sensor_covariances[12:], want[12:]) < 1e-11
     assert oracles.covariance_distance(action_set.sensor_covariances[:12], want[:12]) < 1e-8
 

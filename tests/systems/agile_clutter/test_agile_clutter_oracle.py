@@ -135,7 +135,7 @@ def test_predict_is_equations_13_and_14_mended(action, given):
 
 @pytest.mark.parametrize("gate", [3.0, 4.0, 6.0])
 def test_prediction_knows_clutter_by_its_density_whatever_the_gate(gate):
-    """q2 belongs to a clutter density: a wider gate takes in more clutter, but none that could be mistaken."""
+    """q2 depends on the clutter density: a wider gate includes more clutter, but far from the target's return."""
     system = AgileClutter(laws=WELL, gate=gate, clutter_density=1e-3)
     belief = beliefs(system, steps=(7,))[0]
     actions = np.array([[0, 17], [5, 3], [12, 9]])

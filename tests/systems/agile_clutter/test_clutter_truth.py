@@ -35,7 +35,7 @@ def test_the_field_of_clutter_has_the_true_density():
 
 
 def test_the_tracker_weighs_returns_with_the_density_that_it_assumes():
-    """In a world without clutter, a tracker that expects some trusts a return less than one that expects none."""
+    """In a world without clutter, a tracker that expects clutter trusts a return less than one that expects none."""
     wary, trusting = AgileClutter(truth={"clutter_density": 0.0}), AgileClutter(clutter_density=0.0)
     worlds = oracles.worlds(wary, 50)
     traces = [np.trace(play(s, worlds)[3].belief.covariance[:, 0], axis1=1, axis2=2) for s in (wary, trusting)]

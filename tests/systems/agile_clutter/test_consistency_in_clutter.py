@@ -1,4 +1,4 @@
-"""The mixture in clutter: what it believes is what is true, in every environment, and a lost target never pays.
+"""The mixture in clutter: its belief agrees with the truth in every environment, and a lost target never pays.
 
 The NEES of a mixture has the mean 4, as that of a Gaussian, but is no chi-square variable: an unlikely component that
 is true gives a large value. The bounds of a step are those of states drawn from the beliefs themselves.
@@ -94,7 +94,7 @@ def test_the_mixture_is_consistent_in_clutter(env_id):
 
 
 @pytest.mark.parametrize("env_id", IDS[:2])
-def test_jpda_is_not(env_id):
+def test_jpda_is_not_consistent_in_clutter(env_id):
     """The bounds would notice: where clutter is dense, JPDA breaks them twice as often as the mixture may."""
     r = run(env_id, "jpda")
     assert np.mean(r.outside) > 0.3

@@ -102,8 +102,8 @@ def test_a_composed_loop_conforms_and_is_compared_like_any_other(registered) -> 
     assert env.render().ndim == 3
 
 
-def test_the_tracker_is_consistent_where_nothing_differs() -> None:
-    """Mean NEES of 4 states: 400 worlds x 2 targets have a standard error of sqrt(8 / 800) = .1; linearisation adds."""
+def test_the_tracker_is_consistent_in_its_own_world() -> None:
+    """NEES of 4 states: 400 worlds x 2 targets have a standard error of sqrt(8 / 800) = 0.1; linearisation adds."""
     env = WaveformVectorEnv(planar(), 400)
     env.reset(seed=2)
     nees = np.array([env.step(np.full(400, 1))[-1]["nees"].mean() for _ in range(11)])

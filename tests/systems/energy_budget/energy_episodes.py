@@ -25,7 +25,7 @@ def at_random(system, seed=0):
 
 
 def beliefs(system, count=4, steps=(0, 5, 30)):
-    """Beliefs of episodes in which little is spent, so that the account pays all actions from .27 a step."""
+    """Beliefs of episodes in which little is spent, so that the account pays all actions from 0.27 a step."""
     rng = np.random.default_rng(1)
     played = states(system, oracles.worlds(system, count, 1), lambda p: rng.choice([0, 1, 4], size=len(p.step)))
     return [played[k].belief for k in steps]

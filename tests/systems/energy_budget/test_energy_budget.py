@@ -21,7 +21,7 @@ IDS = ("wavegym/EnergyBudget-v0", "wavegym/EnergyBudgetKnown-v0")
 
 
 @given(st.lists(st.integers(1, 40), min_size=1, max_size=3, unique=True), st.integers(1, 2), st.data())
-def test_whatever_is_asked_the_account_pays_what_it_has(units, sensors, data):
+def test_the_account_pays_the_dearest_affordable_action(units, sensors, data):
     """The dearest affordable action within the action asked, by a loop over all; the energy left, exactly."""
     action_set = PulseActions("lfm", tuple(2e-6 * u for u in units), 1e6, "up", 1e10, sensors)
     account = Account(action_set.action_quanta, action_set.actions.indices, action_set.quanta)

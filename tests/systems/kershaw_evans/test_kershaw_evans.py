@@ -151,7 +151,7 @@ def test_the_recursion_is_the_loops_covariance():
 
 
 def test_the_tracker_adapts_where_the_targets_are_not_drawn_from_its_model() -> None:
-    """Unless the user says otherwise."""
+    """The user can choose another tracker."""
     trackers = {targets: KershawEvans(targets=targets)._own_tracker for targets in ("random", "scripted")}
     assert trackers["random"] is None
     assert [model.Q[1, 1] for model in trackers["scripted"].models] == [0.01, 1.0, 100.0]  # q dt
@@ -163,7 +163,7 @@ def test_the_tracker_adapts_where_the_targets_are_not_drawn_from_its_model() -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["myopic", "lookahead:2"])
 def test_the_adaptive_tracker_is_better_than_a_kalman_filter_of_the_wrong_noise(name) -> None:
-    """Targets that fly straight, then turn hard; the filters assume q = .01, q = 1000, or both."""
+    """Targets that fly straight, then turn hard; the filters assume q = 0.01, q = 1000, or both."""
     script = ((25.0, 0.0), (5.0, 30.0), (5.0, -30.0), (15.0, 0.0))
     error, consistency = {}, {}
     for key, given in {

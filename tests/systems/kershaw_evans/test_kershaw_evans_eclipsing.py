@@ -76,7 +76,7 @@ def test_the_library_can_be_used_at_every_range_of_the_defaults():
 
 
 @pytest.mark.parametrize("action", ["library", "box"])
-def test_what_is_eclipsed_is_not_worth_sending(action):
+def test_no_scheduler_sends_eclipsed_pulses(action):
     """At 20 km the pulses of 300 us are blind to 164 km: the radar and every scheduler send shorter ones."""
     near = {"start_range": (20e3, 20e3), "start_speed": (0.0, 0.0), "reference_range": 50e3, "action": action}
     system, clear = KershawEvansPosition(**near), KershawEvansPosition(**near, eclipsing=False)

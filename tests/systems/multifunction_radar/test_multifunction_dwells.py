@@ -175,7 +175,7 @@ def test_dropped_tracks_are_undetected_again():
 @pytest.mark.parametrize("existence", [0.2, 0.6, 1.0])
 @pytest.mark.parametrize("seconds", [0.5, 1e4])
 def test_cost_is_the_expected_gospa_of_the_best_report(existence, seconds):
-    """By Monte Carlo of existence: of reporting the track and of not, the lesser."""
+    """By Monte Carlo of existence: the lower of two costs, with and without a report of the track."""
     slots = one_track(existence)
     trace = sum(tracks.spread_at(slots.moments[0], MODES, seconds)[::2])
     there = np.random.default_rng(0).random(400_000) < existence

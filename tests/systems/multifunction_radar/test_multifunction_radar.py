@@ -114,7 +114,7 @@ def test_an_episode_ends_with_the_first_dwell_past_its_time_and_means_are_over_s
 
 
 def test_the_cost_is_the_integral_over_the_time_of_the_dwell():
-    """One wait of .4 s against 400 waits of 1 ms: Simpson's rule on a quadrature of another order."""
+    """One wait of 0.4 s against 400 waits of 1 ms: Simpson's rule on a quadrature of another order."""
     spent = []
     for dt, count in ((0.4, 1), (1e-3, 400)):
         system = MultifunctionRadar(dt=dt)
@@ -145,7 +145,7 @@ def test_an_update_of_a_free_slot_is_a_wait():
 def test_futures_conserve_the_expected_number_of_targets(kind):
     """Existence by Bayes's rule is a martingale: over the draws, tracks and undetected sum to what was expected.
 
-    Nothing is dropped. Draws (i + .5) / 400 are a quadrature of the uniform distribution.
+    Nothing is dropped. Draws (i + 0.5) / 400 are a quadrature of the uniform distribution.
     """
     system = MultifunctionRadar(known=1.0, dropped=0.0)
     worlds = worlds_of(system, 1)
@@ -196,7 +196,7 @@ def test_gains_for_several_times_ahead_are_those_of_each():
 
 @pytest.mark.slow
 def test_simulated_futures_are_those_of_predict_and_the_rule():
-    """Mean cost of .15 s and of the time after, in which all wait, against a loop over predictions with draws.
+    """Mean cost of 0.15 s and of the time after, in which all wait, against a loop over predictions with draws.
 
     Of 1500 futures each, to four standard errors.
     """
@@ -262,7 +262,7 @@ def test_traffic_is_in_equilibrium():
 
 
 @pytest.mark.slow
-def test_beliefs_are_honest():
+def test_beliefs_agree_with_the_truth():
     """Over 48 worlds under the one-step rule: existence, the undetected, the cost and the NEES against the truth.
 
     Expected numbers of targets are within three standard errors; a tenth is left for the approximations of the filter
@@ -296,7 +296,7 @@ def test_beliefs_are_honest():
 
 @pytest.mark.slow
 def test_tracks_of_targets_with_one_motion_model_are_consistent():
-    """Where no mixture is left to approximate, the NEES is chi-squared: its mean and its tail beyond the .99 quantile.
+    """Where no mixture is left to approximate, the NEES is chi-squared: its mean and its tail beyond the 0.99 quantile.
 
     Intervals are three standard errors from the spread over worlds.
     """

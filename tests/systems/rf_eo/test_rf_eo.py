@@ -219,7 +219,7 @@ def test_the_iterated_filter_is_consistent_from_the_first_step(system):
 def test_after_a_range_alone_the_belief_is_as_wide_as_the_posterior():
     """One platform measures a range of 35 km to 2 m over a prior of 1 km: the posterior bends by 14 m.
 
-    Oracle: a million draws of the prior, weighted. Mean to .2 standard deviations; no direction is too narrow by more
+    Oracle: a million draws of the prior, weighted. Mean to 0.2 standard deviations; no direction is too narrow by more
     than 15 % of the variance, and none too wide by more than 80 % (sigma points count half as much again of the bend).
     """
     system = RfEo(
@@ -247,7 +247,7 @@ def test_after_a_range_alone_the_belief_is_as_wide_as_the_posterior():
         assert ratios.max() < 1.8
 
 
-def test_the_plain_extended_filter_is_not():
+def test_the_plain_extended_filter_is_not_consistent():
     """One linearisation at the halfway estimate: a NEES of thousands where 4 is right, and no better four steps on."""
     means, _ = mean_nees(RfEo(horizon=5, iterations=1))
     assert means[0] > 1000

@@ -112,7 +112,7 @@ def test_the_probability_of_a_certain_fold(ratio):
 
 
 @pytest.mark.slow
-def test_predictions_are_honest():
+def test_predicted_covariances_agree_with_realised_ones():
     """Expected against realised covariance under the one-step scheduler, averaged over 100 worlds.
 
     The first step is left out: its mean is that of a few worlds that see nothing.

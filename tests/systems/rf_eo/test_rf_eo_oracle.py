@@ -147,7 +147,7 @@ CLOSED = [
 def test_transition_is_the_plain_step(settings):
     """From each state of the system's own episode; random settings of the whole box, so that much is out of view.
 
-    Repeated regressions converge slowly: they end within .01 deviations of each other.
+    Repeated regressions converge slowly: they end within 0.01 deviations of each other.
     """
     system, rng = RfEo(horizon=8, **settings), np.random.default_rng(3)
     worlds = oracles.worlds(system, 2, seed=4)
@@ -213,7 +213,7 @@ def test_the_weighted_information_is_no_small_number(name, total):
     assert t.sum() == pytest.approx(total, rel=0.01)
 
 
-def test_where_the_two_objectives_part():
+def test_the_two_objectives_differ_for_a_fine_and_a_coarse_image():
     """A fine image of the one target ahead has the greater trace, a coarse one of both the greater determinant.
 
     The constraint of 0.5 on the smallest share does not mend it: range and range-rate alone are worth more than that.

@@ -55,7 +55,7 @@ def test_dead_steps_and_windows_hold_in_every_random_step(dead_steps):
 
 
 def test_detections_are_as_frequent_as_the_signal_says():
-    """Pd is about .85 at 4 km; counts agree with Pd at the true eta within five standard errors."""
+    """Pd is about 0.85 at 4 km; counts agree with Pd at the true eta within five standard errors."""
     worlds, seen, expected = oracles.worlds(SYSTEM, 300), 0, []
     state = SYSTEM.initial(worlds)
     belief = state.belief._replace(pointed=np.zeros(300, np.int64))

@@ -1,4 +1,4 @@
-"""The sector set-up on an urban map: starts on roads, visibility against shapely, and how it is foretold."""
+"""The sector set-up on an urban map: starts on roads, visibility against shapely, and its prediction."""
 
 from __future__ import annotations
 
@@ -89,10 +89,10 @@ def test_buildings_hide_targets_where_they_truly_are(change):
     assert np.mean(wrong) > 0.15
 
 
-def test_visibility_is_foretold_as_often_as_it_comes():
+def test_predicted_visibility_is_as_frequent_as_true_visibility():
     """300 worlds with looks now and then: shares by decile of the probability, 1, 6 and 16 steps ahead.
 
-    The bound is five standard errors of the mean over worlds, and .06 for the few places that are tried.
+    The bound is five standard errors of the mean over worlds, and 0.06 for the few places that are tried.
     """
     worlds, ahead = oracles.worlds(SYSTEM, 300), (1, 6, 16)
     state, told, came = SYSTEM.initial(worlds), [], []
@@ -113,10 +113,10 @@ def test_visibility_is_foretold_as_often_as_it_comes():
     assert SYSTEM.visible_ahead(state.belief._replace(step=np.full(300, 58)), 4)[:, 2:].max() == 0.0
 
 
-def test_after_a_find_visibility_is_foretold_as_often_as_it_comes():
+def test_predicted_visibility_is_right_after_a_detection():
     """400 worlds of a rule that keeps its tracks. A target was in sight a step ago: hidden places are unlikely.
 
-    Without their lower weight a chance of .4 came in .7 of all cases.
+    Without their lower weight a chance of 0.4 came in 0.7 of all cases.
     """
     worlds, rule = oracles.worlds(SYSTEM, 400, seed=11), CostOfDelay(alpha=0.2, later=6, ahead=20)
     rule.begin(SYSTEM, 400, np.random.default_rng(0))
@@ -153,9 +153,9 @@ def wide(system, count, spread=12.0):
 
 @pytest.mark.slow
 def test_a_look_that_finds_nothing_has_the_moments_of_the_hidden_places():
-    """Against 50 000 drawn places, in 40 cases: the mean to .2 standard deviations, the covariance to 15 %, typically.
+    """Against 50 000 drawn places, in 40 cases: the mean to 0.2 standard deviations, the covariance to 15 %, typically.
 
-    The probability itself to .04 typically: 48 places are tried.
+    The probability itself to 0.04 typically: 48 places are tried.
     """
     _, belief = wide(SYSTEM, 40)
     chance = SYSTEM.visible_ahead(belief, 1)[:, 0, 0]
@@ -206,7 +206,7 @@ def test_a_predicted_miss_is_the_trackers():
     for _ in range(2):  # the second after a miss
         predicted = SYSTEM.predict(belief, zero, np.full((60, 3), 0.999))
         after = SYSTEM.track(belief, zero, nothing)
-        assert (predicted.looked == -1).all()  # draws of .999 are no detections
+        assert (predicted.looked == -1).all()  # draws of 0.999 are no detections
         for name in ("mean", "covariance", "looked", "pointed", "dead"):
             np.testing.assert_allclose(getattr(predicted, name), getattr(after, name), rtol=1e-9, atol=1e-9)
         misses += (
@@ -262,7 +262,7 @@ def test_forecasts_are_finite_where_a_look_may_raise_the_cost():
     assert least < 0.0
 
 
-def test_the_steps_foretold_are_counted():
+def test_predicted_steps_are_counted():
     belief = SYSTEM.initial(oracles.worlds(SYSTEM, 1)).belief
     with pytest.raises(InputError, match="steps is 0"):
         SYSTEM.visible_ahead(belief, 0)

@@ -43,9 +43,9 @@ def wander(system):
 def test_nees_over_all_steps(name, policy):
     """Targets are independent and a consistent NEES has mean 4 and variance 8.
 
-    The mean of each step lies within four standard errors. Its mean over time has at most the variance of one step.
-    Where visibility is foretold, the density of a target that may be hidden is far from Gaussian: there the mean over
-    time lies within 10 %.
+    The mean of each step lies within four standard errors. Its mean over time has at most the variance of one step. If
+    visibility is predicted from a map, the density of a target that may be hidden is far from Gaussian. Then the mean
+    over time lies within 10 %.
     """
     system = SYSTEMS[name]
     worlds, act = oracles.worlds(system, WORLDS), policy(system)
@@ -63,7 +63,7 @@ def test_nees_over_all_steps(name, policy):
         return
     assert np.abs(means - 4).max() < 4 * error
     assert abs(means.mean() - 4) < 3 * error
-    assert np.mean(np.array(nees) > 18.47) < 0.003  # chi-square, 4 degrees of freedom: .001
+    assert np.mean(np.array(nees) > 18.47) < 0.003  # chi-square, 4 degrees of freedom: 0.001
     spread = (square / square.mean() - trace / trace.mean()).std() / np.sqrt(WORLDS)
     assert abs(square.mean() / trace.mean() - 1) < 4 * spread
 

@@ -41,7 +41,7 @@ def test_a_weaker_radar_detects_less_than_schedulers_expect(name):
 
 
 @EVERY
-def test_targets_hide_where_nobody_expects_it(name):
+def test_targets_hide_although_the_belief_does_not_expect_it(name):
     """Windows of the truth stop detections; those of the belief are what schedulers see."""
     system = SYSTEMS[name]
     windows = tuple((t, 0, system.horizon - 1) for t in range(system.targets))

@@ -75,9 +75,9 @@ def test_targets_leave_the_route_and_come_back():
     for k in range(120):
         truth = system.move(truth, np.full(count, k), worlds)
     off = (truth.targets - system.scene.truth[120])[:, 0, :4]
-    white = 0.25**2 * 0.25  # spectral density of accelerations of .25 m/s^2 that last .25 s each
+    white = 0.25**2 * 0.25  # spectral density of accelerations of 0.25 m/s^2 that last 0.25 s each
     expected = np.array([white / (4 * 0.7 * 0.3**3)] * 2 + [white / (4 * 0.7 * 0.3)] * 2)
-    np.testing.assert_allclose(off.var(axis=0), expected, rtol=4.5 * np.sqrt(2.0 / count) + 0.03)  # .03: sampling
+    np.testing.assert_allclose(off.var(axis=0), expected, rtol=4.5 * np.sqrt(2.0 / count) + 0.03)  # 0.03: sampling
     assert (np.abs(off.mean(axis=0)) < 4.5 * np.sqrt(expected / count)).all()
 
 

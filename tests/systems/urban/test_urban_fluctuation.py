@@ -51,7 +51,7 @@ def at_snr(snr, **settings):
 @pytest.mark.slow
 @pytest.mark.parametrize("fluctuation", ["swerling0", "swerling1"])
 def test_the_law_of_a_known_cell_is_refuted(plain, fluctuation):
-    """2000 scans of signals: within four standard errors, plus .02 for cells, of the image's law, not of the cell's."""
+    """2000 scans of signals: four standard errors, plus 0.02 for cells, include the image's law, not the cell's."""
     count = 2000
     settings = {"city": plain, "arrivals": (0.0,), "fluctuation": fluctuation, "truth": {"sigma": 0.0}}
     common, eta = at_snr(20.0, **settings)
@@ -66,7 +66,7 @@ def test_the_law_of_a_known_cell_is_refuted(plain, fluctuation):
 @pytest.mark.parametrize("fluctuation", ["swerling0", "swerling1", "swerling3"])
 @pytest.mark.parametrize("snr", [10.0, 20.0])
 def test_signals_and_measurements_are_detected_alike(plain, fluctuation, snr):
-    """At a mean eta of 10 and 20: both levels within four standard errors of the one law, plus .02 for cells."""
+    """At a mean eta of 10 and 20: both levels within four standard errors of the one law, plus 0.02 for cells."""
     count = 400
     settings = {"city": plain, "arrivals": (0.0,), "fluctuation": fluctuation, "truth": {"sigma": 0.0}}
     common, eta = at_snr(snr, **settings)

@@ -85,7 +85,7 @@ def test_a_recording_takes_the_echoes_of_walls_and_trees_away():
     np.testing.assert_allclose(subtracted, plain, rtol=0.0, atol=1e-12 * np.abs(static).max())
     for outputs, least, most in ((plain + static, 4, 12), (plain + static - recorded, 0, 2)):
         found = array.peaks(array.image(outputs), signals.thresholds[LONG_UP])
-        still = np.abs(found.z[:, 1]) < 0.2  # of noise .1; of twelve echoes those within a cell of another one merge
+        still = np.abs(found.z[:, 1]) < 0.2  # of noise 0.1; of twelve echoes those within a cell of another one merge
         assert least <= still.sum() <= most
 
 
@@ -112,7 +112,7 @@ def test_noise_of_the_recording_is_the_same_in_every_scan():
 
 @pytest.mark.slow
 def test_it_is_tracked_as_well_as_at_the_measurement_level():
-    """Ten episodes at each level, equal pulses and detection: mean GOSPA within four standard errors and .5 m."""
+    """Ten episodes at each level, equal pulses and detection: mean GOSPA within four standard errors and 0.5 m."""
     drawn = Urban(pulses=25, searched=3, false_alarm=math.exp(-SYSTEM.signals.thresholds[0]))
     worse = per_episode(SYSTEM) - per_episode(drawn)
     assert abs(worse.mean()) < 4.0 * worse.std() / math.sqrt(len(worse)) + 0.5

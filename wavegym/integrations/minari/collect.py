@@ -48,14 +48,14 @@ def collect(
     The infos of an episode of T steps have
 
     * ``cost`` (T+1,): after the reset and after each step;
-    * ``probability`` (T,): with which the action was chosen. A policy that draws its actions counts with the action
-      drawn, except "random", whose probabilities are those of uniform choice;
-    * ``would_choose`` (a dict of (T,) by name): what other policies would have chosen in that state;
+    * ``probability`` (T,): that of the chosen action. For a policy that draws its actions, the drawn action counts as
+      its choice, except for "random", whose probabilities are those of a uniform choice;
+    * ``would_choose`` (a dict of (T,) by name): the choices of other policies in the same state;
     * ``returns`` (T, action): with ``all_returns``, see ``ReturnsOfAll``; ``policy`` chooses after the first step.
 
     Args:
         env_id: with or without ``wavegym/``.
-        policy: the name of a scheduler or of a saved agent, or whatever ``wavegym.evaluation.as_policy`` takes.
+        policy: the name of a scheduler or of a saved agent, or anything that ``wavegym.evaluation.as_policy`` takes.
         episodes: number of episodes. Episode i plays the world of ``reset(seed=seed + i)``.
         out: folder of the datasets; the dataset has a folder in it.
         name: of the dataset; from the environment and the policy by default.

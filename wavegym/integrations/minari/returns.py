@@ -1,4 +1,4 @@
-"""What every action would have brought: a simulator can play each alternative in the same world."""
+"""The return of every action: a simulator can play each alternative in the same world."""
 
 from __future__ import annotations
 

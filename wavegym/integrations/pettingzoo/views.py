@@ -1,4 +1,4 @@
-"""What each agent of a system sees and chooses: its part of the observation, and of the action."""
+"""The part of the observation that each agent of a system sees, and the part of the action that it chooses."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ class TrackReader:
         self._system, self._radar = system, radar
         world = trees.stack([system.draw_world(np.random.default_rng(0))])
         first: Any = system.initial(world).belief
-        # Prediction begins with means and covariances, whatever hypotheses a tracker of wavegym keeps.
+        # Prediction begins with means and covariances, also if a tracker of wavegym keeps hypotheses.
         self._first = first._replace(hypotheses=None) if hasattr(first, "hypotheses") else first
         fields = getattr(self._first, "_fields", ())
         other = [name for name in fields if name not in ("step", "mean", "covariance")]

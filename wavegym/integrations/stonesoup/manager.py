@@ -35,8 +35,8 @@ class PolicySensorManager(SensorManager):
     """Lets a wavegym policy choose the waveforms of the managed ``WaveformRadar`` objects.
 
     The tracks become the belief of the system for which the policy was made: a track is one target, its states are in
-    the order of the radars' ``mapping``, and a track that was not measured ends in its prediction. The system has to
-    transmit what the radars do. Steps count from ``start_time``; after ``horizon`` steps the next episode begins.
+    the order of the radars' ``mapping``, and a track that was not measured ends in its prediction. The radars must have
+    the pulses of the system. Steps count from ``start_time``; after ``horizon`` steps the next episode begins.
 
     Raises:
         InputError: at the first choice, radars that are not the system's; at every choice, tracks or times that do not
@@ -64,7 +64,7 @@ class PolicySensorManager(SensorManager):
         self._episode: int | None = None
 
     def _made_policy(self) -> Policy:
-        """The policy; of a name of an agent, the one run that comes with the package."""
+        """The policy; for the name of an agent, the run that comes with the package."""
         if isinstance(self.policy, str) and self.policy in ALGORITHMS:
             return load_pretrained(self._task.env_id, self.policy, self.system)
         return as_policy(self.policy, self._task)
@@ -144,7 +144,7 @@ class PolicySensorManager(SensorManager):
 
 
 def _distance(radar: Any, other: Any) -> float:
-    """Between two radars, m; without end where one has no place."""
+    """Distance between two radars, m; infinite if one has no place."""
     if other.position is None or len(other.position) != len(radar.position):
         return np.inf
     return float(np.linalg.norm(np.asarray(radar.position, np.float64) - np.asarray(other.position, np.float64)))

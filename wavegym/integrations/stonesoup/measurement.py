@@ -13,10 +13,10 @@ from wavegym.core.arrays import Array
 
 
 class WaveformMeasurement(NonLinearGaussianMeasurement):
-    """What a radar measures with one waveform.
+    """The measurement of a radar with one waveform.
 
-    ``noise_covar`` is R(theta) at the SNR of one state: that of the target of a detection. The model of a detection so
-    carries the covariance that the receiver knows of it.
+    ``noise_covar`` is R(theta) at the SNR of one state: that of the detected target. So the model of a detection has
+    the covariance that the receiver knows.
     """
 
     law: Any = Property(doc="The law: a ``Sensor`` of ``wavegym.systems.composed``, seen from the radar")

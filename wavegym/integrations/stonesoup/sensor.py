@@ -40,7 +40,7 @@ class EclipsedChirpRadar(LineOfSightRadar):
     """The law of ``KershawEvans``: the receiver is off while it sends a Gaussian chirp of duration sqrt(2 C11)/c."""
 
     def covariance(self, states: Array, pulse: Array) -> Array:
-        """C / eta of what the receiver sees of the pulse."""
+        """C / eta of the visible part of the pulse."""
         share = visible_information(np.sqrt(2.0 * pulse[..., 0, 0]) / SPEED_OF_LIGHT, states[..., 0])
         return super().covariance(states, pulse) / share[..., None, None]
 
@@ -49,7 +49,7 @@ class ChangeWaveform(Action):
     """Transmit the waveform ``target_value``."""
 
     def act(self, current_time: Any, timestamp: Any, init_value: int, **kwargs: Any) -> int:
-        """The index of the waveform, at once."""
+        """The index of the waveform, without delay."""
         index: int = self.target_value
         return index
 
@@ -77,7 +77,7 @@ class WaveformActionGenerator(ActionGenerator):
 class WaveformRadar(Sensor):
     """A radar that measures each target with the waveform that it was told to transmit.
 
-    Its law is stated as seen from the radar. Stone Soup's ``position`` and platforms say where the radar is and how it
+    Its law is stated relative to the radar. Stone Soup's ``position`` and platforms say where the radar is and how it
     moves. A detection carries the covariance R(theta) / eta at the target's true range: the receiver measures its SNR.
     It adds no clutter.
 
@@ -159,7 +159,7 @@ class WaveformRadar(Sensor):
         return self._model(self.law.covariance(states, self.pulses.pulse(np.array(self.waveform)))[0])
 
     def snr(self, state: Any) -> float:
-        """Eta of a state, what is eclipsed left out: the factor by which its covariance is smaller than at unit SNR."""
+        """Eta of a state without the eclipsed part: the covariance is smaller by this factor than at unit SNR."""
         return float(self.measurement_model.noise_covar[0, 0] / self.model_at(state).noise_covar[0, 0])
 
     def _model(self, R: Array) -> WaveformMeasurement:

@@ -19,7 +19,7 @@ START = datetime(2000, 1, 1)
 
 
 class Record(NamedTuple):
-    """What happened in each of the H steps."""
+    """The record of each of the H steps."""
 
     mean: Array  # (H, n) of the track
     covariance: Array  # (H, n, n)

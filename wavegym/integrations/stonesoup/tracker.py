@@ -35,7 +35,7 @@ from wavegym.targets.motion import MotionModel
 from wavegym.trackers.protocol import UNKNOWN, Estimate, MeasurementModel, OneByOne, Scan
 
 BEFORE = datetime(2000, 1, 1)
-NOW = BEFORE + timedelta(seconds=1)  # models of wavegym are those of one step, whatever its length
+NOW = BEFORE + timedelta(seconds=1)  # models of wavegym are for one step of any length
 GATED = partial(PDAHypothesiser, prob_gate=float(gate_probability(4.0)))  # four standard deviations, as in AgileClutter
 
 
@@ -43,19 +43,19 @@ GATED = partial(PDAHypothesiser, prob_gate=float(gate_probability(4.0)))  # four
 class StoneSoupTracker:
     """A tracker of wavegym from parts of Stone Soup, for every system that takes ``tracker=``.
 
-    The system tells the models, the probability of detection and the density of clutter, so the arguments are classes,
-    or functions that make objects: ``functools.partial(UnscentedKalmanUpdater, alpha=0.5)``.
+    The system supplies the models, the probability of detection and the density of clutter. So the arguments are
+    classes or functions that make objects: ``functools.partial(UnscentedKalmanUpdater, alpha=0.5)``.
 
     Args:
         predictor: makes a predictor of a transition model; for Gaussian states.
         updater: makes an updater of a measurement model, which is None: each detection has its own.
         data_associator: makes a data associator of a hypothesiser, such as ``JPDA``, ``PDA`` or
-            ``GNNWith2DAssignment``; needed where nobody knows the origin of a return. None: origins are known.
-        hypothesiser: makes a hypothesiser of a predictor and an updater. It is told ``prob_detect`` and
-            ``clutter_spatial_density`` if it takes them.
+            ``GNNWith2DAssignment``; needed if the origin of a return is unknown. None: origins are known.
+        hypothesiser: makes a hypothesiser of a predictor and an updater. It receives ``prob_detect`` and
+            ``clutter_spatial_density`` if it accepts them.
 
     Raises:
-        InputError: something that makes nothing; in play, returns of unknown origin without a data associator.
+        InputError: an argument that makes no object; in play, returns of unknown origin without a data associator.
     """
 
     predictor: Callable[..., Any] = KalmanPredictor

@@ -27,7 +27,7 @@ class Found(NamedTuple):
 
 
 class Budget:
-    """What a search may spend, and what it has spent.
+    """The limits of a search, and what it has used.
 
     With evaluations alone a search is deterministic. With CPU seconds the number of evaluations depends on the machine;
     ``evaluations`` says how many were done.

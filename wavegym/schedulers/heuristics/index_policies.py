@@ -68,16 +68,16 @@ class AwareGreedy(Heuristic):
 class CostOfDelay(Heuristic):
     """The loss by postponing a candidate's pulse, per step of its delay.
 
-    The value is gain(delay) - alpha * gain(delay + later), divided by (1 + delay)^power, and times 1 + bonus where the
-    delay is 0, which favours the present set-up. A target that will be hidden soon has no gain later, so it comes
-    first. A target that loses nothing by a delay waits.
+    The value is gain(delay) - alpha * gain(delay + later), divided by (1 + delay)^power. It is multiplied by 1 + bonus
+    if the delay is 0, which favours the present set-up. A target that will be hidden soon has no gain later, so it
+    comes first. A target that loses nothing by a delay waits.
 
     Args:
         alpha: weight of the gain of the same pulse ``later`` steps later.
         later: steps of the postponement.
         ahead: steps over which the gain of a pulse is summed.
         power: exponent of the steps that a candidate takes.
-        bonus: factor for the present set-up, less 1.
+        bonus: factor for the present set-up, minus 1.
 
     Raises:
         InputError: a constant that is negative or not finite, or fewer than one step.

@@ -58,10 +58,10 @@ class AdaptiveLagrangianPrice(Heuristic):
     """A Lagrangian price at which the account is predicted to last just to the episode's end.
 
     At each step a search finds this price. It follows the expected recursion of ``predict`` to the episode's end with
-    an unlimited account, for several prices at once, and repeatedly divides the interval in which the predicted
-    spending falls to the account. In a planner's simulated futures this search would take too long. There the price
-    prepared at the root is multiplied by the cube of (account predicted for this step / account), so that the account
-    is neither empty too early nor left over.
+    an unlimited account, for several prices at once. It repeatedly divides the interval in which the predicted spending
+    falls to the account. In a planner's simulated futures this search would take too long. There the price at the root
+    is multiplied by the cube of (account predicted for this step / account), so that the account lasts exactly to the
+    end.
 
     Args:
         ahead: steps over which the gain of a pulse is summed.

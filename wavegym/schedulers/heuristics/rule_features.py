@@ -21,7 +21,7 @@ HOLDS = (2, 6)  # steps over which a gain is summed where its target stays in si
 LATER = (2, 4, 8, 16)  # steps of prediction without a measurement, where the system has no gain
 CUSHION = 1.0  # longest pulses: keeps scarcity finite when the account is empty
 RESOURCES = ("time_left", "energy_left", "energy_rate", "occluded", "visible_ahead", "change_1")  # observation fields
-RATIO, PRICE = "ratio", "price"  # forms of rules: logarithms of gains; gains less the price of the spending
+RATIO, PRICE = "ratio", "price"  # forms of rules: logarithms of gains; gains minus the price of the spending
 
 
 class RuleFeatures:
@@ -64,7 +64,7 @@ class RuleFeatures:
         self.names = tuple(dict.fromkeys(name for names in self.forms.values() for name in names))
 
     def _holds(self) -> bool:
-        """Whether the belief says when targets are hidden: ``visible``, (env, H[, target])."""
+        """Whether the belief has the times at which targets are hidden: ``visible``, (env, H[, target])."""
         fields = getattr(self.system, "observation_fields", ())
         is_known = any(field.name == "visible_ahead" for field in fields)
         return bool(self._by_target or (is_known and self._gain))

@@ -143,7 +143,7 @@ class GainPerSecond(TimelineRule):
 
 
 class PriceOfTime(TimelineRule):
-    """The dwell of the greatest gain less the price of its time; if none exceeds its price, that of the greatest ratio.
+    """The dwell with the greatest gain minus the price of its time; if all are negative, the greatest ratio of the two.
 
     The price is the Lagrange multiplier of the time line, found by simulation. Unused time is lost, so the rule never
     waits because of a high price.
@@ -167,7 +167,7 @@ class PriceOfTime(TimelineRule):
 
 
 class DelayIndex(TimelineRule):
-    """The dwell that loses most by a delay: gain per second now, less a share of the gain per second after the delay.
+    """The dwell that loses most by a delay: gain per second now minus a share of the gain per second after the delay.
 
     Args:
         ahead, worth: see ``GainPerSecond``.

@@ -1,22 +1,20 @@
-"""One step of the agile-clutter loop in compiled form: predict, transmit, detect, associate, update.
+"""One compiled step of the agile-clutter loop: predict, transmit, detect, associate, update.
 
-Axes: e environment, i sensor, t target slot. Sizes arrive as tuples of zeros (``nn`` for the state).
-``targets`` = (birth (t,) int, lifetime) says when a slot holds a target: birth < step <= birth + lifetime.
-``radar`` = (sensors (i, 2), reference range, nearest range, log Pf, clutter density, gate, gate probability, carrier,
-tables of cut pulses), as the tracker assumes them; ``world`` is the same tuple with the true values, of which kernels
-read all but gate and gate probability.
-``q2`` = (pd grid, log clutter grid, table) of the information reduction factor.
-``pulse`` = (C (e, i, 2, 2) at unit SNR, strength (e, i) > 0, a factor on the SNR, chance (e, i, t) of illuminating a
-visible target, window (e, i) int, windows (row, 10): the pulse and its receive window, see ``is_whole``); axis e may be
-1, for all environments. Where chance is 0, or the predicted echo comes while the pulse is sent, no gate is opened.
-``gates`` = (open (g,) bool, centre (g, 2), L (g, 2, 2), radius): one for each target, or one for each component of
-each target. A sensor's windows are WINDOW times as large as the gates that are predicted before any sensor of the step
-has measured; ``measure`` reports the returns inside them, ``track`` drops those outside the tracker's gates. ``fresh``
-(t,) bool: no sensor of the step has illuminated the target yet, so that its gates are those predicted before the step.
-Only they count returns outside and clutter points: ``measure`` does not know the later gates.
-``particles`` = (X (e, particle, t, n), V (e, particle, t, n, n)); ``mixtures`` = (weight (e, t, c), X (e, t, c, n),
-V (e, t, c, n, n)); ``jpda`` = True. Of the three, those that are not the tracker are None: the compiler leaves a block
-under ``is not None`` out, and only such a block.
+Axes: e environment, i sensor, t target slot. Sizes arrive as tuples of zeros (``nn`` for the state). ``targets`` =
+(birth (t,) int, lifetime) says when a slot holds a target: birth < step <= birth + lifetime. ``radar`` = (sensors (i,
+2), reference range, nearest range, log Pf, clutter density, gate, gate probability, carrier, tables of cut pulses), as
+the tracker assumes them. ``world`` is the same tuple with the true values; its gate and gate probability are not used.
+``q2`` = (pd grid, log clutter grid, table) of the information reduction factor. ``pulse`` = (C (e, i, 2, 2) at unit
+SNR, strength (e, i) > 0, a factor on the SNR, chance (e, i, t) of illuminating a visible target, window (e, i) int,
+windows (row, 10): the pulse and its receive window, see ``is_whole``); axis e may be 1, for all environments. No gate
+is opened if chance is 0 or if the predicted echo arrives while the pulse is sent. ``gates`` = (open (g,) bool, centre
+(g, 2), L (g, 2, 2), radius): one for each target, or one for each component of each target. The windows of a sensor are
+WINDOW times as large as the gates that are predicted before the step. ``measure`` reports the returns inside the
+windows, and ``track`` drops those outside the tracker's gates. A target is ``fresh`` (t,) bool until a sensor of the
+step illuminates it; its gates are then those predicted before the step. Returns outside the gates and clutter points
+are counted for fresh targets only: ``measure`` does not know later gates. ``particles`` = (X (e, particle, t, n), V (e,
+particle, t, n, n)); ``mixtures`` = (weight (e, t, c), X (e, t, c, n), V (e, t, c, n, n)); ``jpda`` = True. One of the
+three is the tracker, and the others are None. The compiler omits a block under ``is not None``, and only such a block.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -62,9 +60,9 @@ def weakness_one(e, i, r, strength, radar):
 
 @kernel
 def echo(r, C00, C01, C11, w, windows, radar):
-    """(share, C00, C01, C11) of pulse w's echo from range r: what the receiver sees of its energy, and C of that part.
+    """(share, C00, C01, C11) of pulse w's echo from range r: visible share of the energy, C of the visible part.
 
-    C is at unit SNR of the *whole* pulse, before and after. Below LEAST_SEEN the share is 0.
+    Both C are at unit SNR of the *whole* pulse. The share is 0 below LEAST_SEEN.
     """
     if is_whole(windows, w, abs(r) / HALF_C):
         return 1.0, C00, C01, C11
@@ -95,7 +93,7 @@ def is_present(step, birth, lifetime, present):
 
 @kernel
 def predict_targets(e, mean, covariance, present, F, Q, x, P, nn):
-    """x (t, n), P (t, n, n): the belief of environment e one step on; slots without a target keep theirs."""
+    """x (t, n), P (t, n, n): the belief of environment e one step later; slots without a target do not change."""
     n = len(nn)
     T = np.empty((n, n))
     for t in range(len(present)):
@@ -111,7 +109,7 @@ def predict_targets(e, mean, covariance, present, F, Q, x, P, nn):
 
 @kernel
 def workspace(count_t, nn):
-    """Arrays of one sensor's scan, axis t first: (predicted measurement, S, its factor L, Pxz, N, Pd, scratch)."""
+    """Arrays of one sensor's scan; axis t is first: (predicted measurement, S, its factor L, Pxz, N, Pd, scratch)."""
     n = len(nn)
     return (
         np.empty((count_t, 2)), np.empty((count_t, 2, 2)), np.empty((count_t, 2, 2)), np.empty((count_t, n, 2)),
@@ -123,7 +121,7 @@ def workspace(count_t, nn):
 def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
     """Fill ``work`` with sensor i's predicted measurements: S = Pzz + N, N = C / eta, at predicted ranges.
 
-    Targets whose echo is predicted to be cut away are no longer lit.
+    A target is no longer lit if no part of its echo is predicted to be visible.
     """
     centre, S, L, G, N, pd, scratch = work
     sensors, log_pf, chance = radar[0], radar[3], pulse[2]
@@ -144,10 +142,10 @@ def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
 
 @kernel
 def receive(e, i, k, lit, fresh, truth, uniform, error, pulse, world, gates, reach, z, outside, scan):
-    """Fill z with the targets' returns that lie within ``reach`` times a gate; returns their number.
+    """Fill z with the returns of targets that lie within ``reach`` times a gate; returns their number.
 
-    outside[e, t] counts a fresh target's returns outside its own gates, if it has any; scan[e, 0] detections. eta, Pd
-    and the error's covariance are the world's, at the true range.
+    outside[e, t] counts the returns of a fresh target outside its own gates, if it has gates; scan[e, 0] counts
+    detections. eta, Pd and the covariance of the errors are those of the world at the true range.
     """
     sensors, log_pf, chance = world[0], world[3], pulse[2]
     opened, centre, L, gate = gates
@@ -199,10 +197,10 @@ def count_in_fresh_gates(z, begin, end, opened, centre, L, gate, fresh):
 
 @kernel
 def sense(e, i, k, key, lit, fresh, truth, uniform, error, pulse, world, gates, reach, z, outside, scan):
-    """Fill z with sensor i's returns, and the clutter, within ``reach`` times its gates; returns z, or a larger copy,
-    and their number.
+    """Fill z with sensor i's returns and the clutter within ``reach`` times its gates; returns z, or a larger copy.
 
-    The number is -1, and scan[e, 1] NaN, where a gate has too much clutter or no finite size.
+    The second result is their number. If a gate has too much clutter or no finite size, the number is -1 and scan[e, 1]
+    is NaN.
     """
     opened, centre, L, gate = gates
     z = room(z, len(lit))
@@ -220,14 +218,14 @@ def sense(e, i, k, key, lit, fresh, truth, uniform, error, pulse, world, gates, 
 
 @inlined
 def illuminated(lit, fresh):
-    """Lit targets are no longer fresh."""
+    """Mark lit targets as no longer fresh."""
     for t in range(len(lit)):
         fresh[t] = fresh[t] and not lit[t]
 
 
 @inlined
 def true_states(e, k, path, birth, lifetime, truth):
-    """truth[e] (t, n): the true states at step k; before birth the first ones, after the lifetime the last ones."""
+    """truth[e] (t, n): the true states at step k; before birth the first state, after the lifetime the last one."""
     for t in range(len(birth)):
         age = min(max(k - birth[t], 0), lifetime)
         for a in range(path.shape[3]):
@@ -245,11 +243,11 @@ def move(step, path, targets, truth):
 def transition(step, mean, covariance, particles, mixtures, jpda, path, first, uniform, error, key, pulse, targets,
             world, F, Q, radar, mean_out, covariance_out, particles_out, mixtures_out, truth, outside, scan, every,
             nn):  # fmt: skip
-    """One step of every environment, sensor after sensor; tapes read at [e, step]. F and Q are the tracker's.
+    """One step of every environment, sensor after sensor; tapes are read at [e, step]. F and Q are the tracker's.
 
-    mean and covariance are moments of the particles or mixtures, if there are any. outside (e, t) is counted up;
-    scan (e, 4): detections, clutter points (NaN for too many), effective sample size, distinct ancestors. With
-    ``every`` (bool), every sensor counts returns outside and clutter points.
+    mean and covariance are moments of the particles or mixtures, if there are any. outside (e, t) is incremented. scan
+    (e, 4): detections, clutter points (NaN for too many), effective sample size, distinct ancestors. If ``every``
+    (bool) is True, every sensor counts returns outside its gates and clutter points.
     """
     (birth, lifetime), sensors, count_t, n = targets, radar[0], len(targets[0]), len(nn)
     present, lit, fresh = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
@@ -310,9 +308,9 @@ def measure(step, mean, covariance, mixtures, ahead, truth, uniform, error, key,
             count, outside, scan, nn):  # fmt: skip
     """Returns of all sensors in their windows, (return, 2), environment by environment and sensor by sensor.
 
-    Those of one sensor by increasing range: their order does not tell which are targets'. count (e, i) is their
-    number; outside (e, t) and scan (e, 2) are counted up as in ``transition``. ``ahead`` is filled with the predicted
-    mixtures.
+    The returns of a sensor are sorted by range, so that their order does not reveal which are from targets. count (e,
+    i) is their number. outside (e, t) and scan (e, 2) are incremented as in ``transition``. ``ahead`` is filled with
+    the predicted mixtures.
     """
     (birth, lifetime), sensors, count_t, n, filled = targets, radar[0], len(targets[0]), len(nn), 0
     present, lit, fresh = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
@@ -376,7 +374,7 @@ def track_returns(step, mean, covariance, mixtures, jpda, z, count, first, pulse
 
 @kernel
 def keep_in_gates(z, count, gates, inside):
-    """Copy those of z[: count] that lie in a gate to ``inside``, in their order; returns their number."""
+    """Copy the returns of z[: count] that lie in a gate to ``inside``, in the same order; returns their number."""
     opened, centre, L, gate = gates
     kept = 0
     for m in range(count):
@@ -399,10 +397,10 @@ def noise_of_returns(i, z, pulse, radar, R):
 
 @kernel
 def assume(i, step, mean, covariance, pulse, targets, radar, lit_out, noise, pd, nn):
-    """What the tracker assumes of sensor i's measurement, with the estimate that it has so far.
+    """What the tracker assumes about sensor i's measurement, given the current estimate.
 
-    lit_out (e, t) bool: whether the target may be detected; then noise (e, t, 2, 2), the covariance of its error, and
-    pd (e, t), both at the predicted range; else 0.
+    lit_out (e, t) bool: whether the target may be detected. noise (e, t, 2, 2) is the covariance of its error and pd
+    (e, t) its detection probability, both at the predicted range; else 0.
     """
     present, work = np.empty(lit_out.shape[1], np.bool_), workspace(lit_out.shape[1], nn)
     for e in range(len(step)):
@@ -424,7 +422,7 @@ def mixture_at(e, mixtures):
 
 @inlined
 def predict_hypotheses(e, particles, mixtures, present, F, Q, cloud, mixtures_out, nn):
-    """Predict environment e's particles to ``cloud`` or its mixtures to ``mixtures_out``, where there are any."""
+    """Predict environment e's particles to ``cloud``, or its mixtures to ``mixtures_out``, if there are any."""
     if particles is not None:
         predict_particles(particles[0][e], particles[1][e], present, F, Q, cloud[0], cloud[1], nn)
         cloud[2][:] = 0.0
@@ -434,7 +432,7 @@ def predict_hypotheses(e, particles, mixtures, present, F, Q, cloud, mixtures_ou
 
 @kernel
 def cloud_of(particles, targets, nn):
-    """Arrays of one environment's particles, none without particles: X, V, log weight and weight."""
+    """Arrays of one environment's particles (None without particles): X, V, log weight and weight."""
     count, n = 0, len(nn)
     if particles is not None:
         count = particles[0].shape[1]
@@ -443,7 +441,7 @@ def cloud_of(particles, targets, nn):
 
 @kernel
 def bank_of(mixtures, nn):
-    """Arrays of one sensor's scan: the bank and ``opened`` of the components of all targets, none without mixtures."""
+    """Arrays of one sensor's scan (None without mixtures): the bank and ``opened`` of the components of all targets."""
     count = 0
     if mixtures is not None:
         count = mixtures[0].shape[1] * mixtures[0].shape[2]
@@ -467,7 +465,7 @@ def hand_over(e, t, first, mean, particles, mixtures, nn):
 def track(e, i, own, present, lit, x, P, particles, cloud, mixtures, jpda, z, count, radar, work, bank, nn):
     """Update the belief x (t, n), P (t, n, n) of environment e with sensor i's scan z[: count].
 
-    By the particles in ``cloud`` or by mixtures, of which x and P are then the moments, or by JPDA.
+    The tracker is the particles in ``cloud``, mixtures, or JPDA. x and P are the moments of particles or mixtures.
     ``own``: the environment's random numbers in this step.
     """
     centre, S, L, G, _, pd, _ = work

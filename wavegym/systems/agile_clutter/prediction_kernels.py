@@ -1,6 +1,6 @@
 """Prediction of the agile-clutter loop for schedulers: unscented covariances, sensor after sensor.
 
-Sira et al., eqs. (13) and (14) with the bracket mended: P - q2 Pxz (Pzz + N)^-1 Pxz', N = C / eta at the predicted
+Sira et al., eqs. (13) and (14) with the bracket corrected: P - q2 Pxz (Pzz + N)^-1 Pxz', N = C / eta at the predicted
 range, q2 the information reduction factor. Axes and argument groups as in ``kernels``; c candidate.
 """
 
@@ -21,7 +21,7 @@ from wavegym.trackers.ukf_kernels import predict_measurement_one
 def reduction(pd, S, radar, q2):
     """The factor q2 for the innovation covariance S, given as its three entries.
 
-    The table was made for one gate. q2 belongs to the clutter density, so any gate's q2 is read at that gate's area.
+    The table was made for one gate. q2 depends on the clutter density, so every q2 is read at the area of that gate.
     """
     area = np.pi * GATE * GATE * np.sqrt(S[0] * S[2] - S[1] * S[1])
     return reduction_one(pd, np.log(radar[4] * area), q2[0], q2[1], q2[2])
@@ -29,10 +29,11 @@ def reduction(pd, S, radar, q2):
 
 @kernel
 def information(pd, chance, S, radar, q2, draw):
-    """The share of the full update that is predicted.
+    """Predicted share of the full update.
 
-    Expected (draw < 0): q2 times the chance to see the target. With a uniform draw: q2 / Pd for a detection, 0 for a
-    miss. Without clutter a detection counts 1, not q2 / Pd, which includes the average loss outside the gate.
+    Expectation (draw < 0): q2 times the probability that the target is visible. With a uniform draw: q2 / Pd for a
+    detection, 0 for a miss. Without clutter a detection counts as 1: q2 / Pd would include the average loss outside the
+    gate.
     """
     if draw < 0.0:
         return chance * reduction(pd, S, radar, q2)
@@ -98,8 +99,8 @@ def predict_present(step, mean, covariance, targets, F, Q, x_out, P_out, present
 def sensor_costs(i, x, P, present, C, windows, weights, radar, q2, cost, nn):
     """cost (e, c) = trace(Lambda P) after sensor i's pulse with C (e or 1, c, 2, 2) at unit SNR, windows (same, c, 10).
 
-    The unscented transform, eta and Pd of a whole pulse do not depend on the pulse and are computed once; a candidate
-    costs one 2 x 2 inverse and one interpolation per target.
+    The unscented transform, eta and Pd of a whole pulse do not depend on the pulse and are computed once. Each
+    candidate then takes one 2 x 2 inverse and one interpolation per target.
     """
     sensors, reference, nearest, log_pf = radar[0], radar[1], radar[2], radar[3]
     count_t, n = present.shape[1], len(nn)
@@ -169,7 +170,7 @@ def weighted_trace(step, covariance, targets, weights, cost):
 
 @kernel
 def observe(step, mean, covariance, horizon, targets, F, Q, radar, out, nn):
-    """out (e, field) as ``AgileClutter.observation_fields`` lists them, of the belief at the time of the next pulse.
+    """out (e, field): ``AgileClutter.observation_fields`` of the belief at the time of the next pulse.
 
     The fields of a slot without a target at that time are 0.
     """
@@ -202,11 +203,11 @@ def observe(step, mean, covariance, horizon, targets, F, Q, radar, out, nn):
 
 @kernel
 def track_errors(step, mean, covariance, truth, outside, most, weight, targets, weights, values, flags, components):
-    """Figures of the targets present, else 0, and the number of components of their mixtures, (e, t) each.
+    """Key figures of the present targets (else 0), and the number of components of their mixtures, (e, t) each.
 
     values (4, e, t): position error, position variance, squared error (weighted) and NEES. flags (2, e, t): whether a
-    target is present, and lost: more than ``most`` of its returns fell ``outside`` its gates. weight (e, t, c): of the
-    components of mixtures.
+    target is present, and whether it is lost: more than ``most`` of its returns were ``outside`` its gates. weight (e,
+    t, c): of the components of mixtures.
     """
     birth, lifetime = targets
     n = len(weights)

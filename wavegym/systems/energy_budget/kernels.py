@@ -1,4 +1,4 @@
-"""The gain of a pulse after a pause, for heuristics that price energy, in compiled form.
+"""Compiled gain of a pulse after a pause, for heuristics with a price of energy.
 
 Axes and argument groups as in ``agile_clutter.kernels``; c candidate. ``pulse`` has an entry for each candidate.
 """
@@ -20,18 +20,19 @@ from wavegym.trackers.ukf_kernels import predict_measurement_one
 def gain(step, mean, covariance, wait, clear, left, M, pulse, choices, targets, F, Q, radar, q2, out, nn):
     """out (e, c) = trace(M (P without - P with)), summed over targets, of candidate c's pulse after wait[e, c] steps.
 
-    clear (e, c): probability that the slot is clear; 0 gives 0. left (e, c): steps of the episode from that pulse on.
-    M (l, n, n) for 1, 2, ... steps: that of ``left``, or the last. choices (c, sensor): neighbours that differ at the
-    last sensor only share the work for the others, so the order of a joint library costs least.
+    clear (e, c): probability that the slot is clear; 0 gives 0. left (e, c): steps from that pulse to the episode's
+    end. M (l, n, n) is for 1, 2, ... steps; the entry of ``left`` counts, or the last. choices (c, sensor): neighbours
+    that differ in the last sensor only share the work for the other sensors, so the order of a joint library is the
+    fastest.
     """
     count_t, n, last = len(targets[0]), len(nn), choices.shape[1] - 1
     present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
     x, seen = np.empty((count_t, n)), np.empty(pulse[2].shape)
-    P = np.empty((last + 1, count_t, n, n))  # before the first sensor's pulse, and after each but the last
+    P = np.empty((last + 1, count_t, n, n))  # before the first sensor's pulse, and after each pulse except the last
     A, z, S = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2))
     G, K, draws = np.empty((count_t, n, 2)), np.empty((n, 2)), np.full((1, last + 1, count_t), -1.0)
     for e in range(len(step)):
-        before, fallen = -1, 0.0  # before: the candidate whose predictions P and x hold
+        before, fallen = -1, 0.0  # before: the candidate to which the predictions P and x belong
         for c in range(len(choices)):
             if clear[e, c] <= 0.0:
                 out[e, c] = 0.0
@@ -60,7 +61,7 @@ def gain(step, mean, covariance, wait, clear, left, M, pulse, choices, targets, 
 
 @kernel
 def last_fall(c, i, present, pulse, seen, z, S, G, M, radar, q2):
-    """Reduction of trace(M P) by the last sensor's pulse, summed over the targets; z, S, G as predicted for it."""
+    """Reduction of trace(M P) by the last sensor's pulse, summed over targets; z, S, G: predicted for this sensor."""
     total = 0.0
     for t in range(len(present)):
         if present[t] and seen[c, i, t] > 0.0:

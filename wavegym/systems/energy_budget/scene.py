@@ -23,7 +23,7 @@ LEFT: dict[str, Any] = {"color": "tab:green", "linewidth": 1.4, "drawstyle": "st
 
 
 class AccountScene(TargetScene):
-    """Map, errors and gates; below them the energy left beside an even pace, occluded slots in grey."""
+    """Map, errors and gates; below them the energy left against an even pace, with occluded slots in grey."""
 
     system: EnergyBudget
 

@@ -1,9 +1,9 @@
-"""The Kershaw-Evans loop in compiled form: one pass over the batch for each function of the system.
+"""The compiled Kershaw-Evans loop: one pass over the batch for each function of the system.
 
-Shapes: e environments, c candidates, H steps, n states (r, rdot[, rddot]), m = 2 measurements (r, rdot); C is the
-measurement covariance at unit SNR, of what the receiver sees of the pulse; R = C / eta. M (1, 2, n) is the measurement
-matrix [I 0]. F and Q come as (1, n, n); what predicts takes them as (e, n, n), too, for a tracker whose process noise
-differs from environment to environment. ``visible_information`` of ``actions.py`` has the derivation of eclipsing.
+Shapes: e environments, c candidates, H steps, n states (r, rdot[, rddot]), m = 2 measurements (r, rdot). C is the
+measurement covariance of the visible part of the pulse, at unit SNR; R = C / eta. M (1, 2, n) is the measurement matrix
+[I 0]. F and Q are (1, n, n). Functions that predict also accept (e, n, n), for a tracker whose process noise differs
+between environments. ``visible_information`` of ``actions.py`` has the derivation of eclipsing.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -35,10 +35,10 @@ WHOLE = -9.0
 
 
 def _of_one_number(name: str) -> Any:
-    """The function from float64 to float64 with this name in SciPy, for calls from kernels: the same bits.
+    """SciPy's function of this name from float64 to float64, for calls from kernels: the results have the same bits.
 
-    SciPy offers its compiled functions by address (``scipy.special.cython_special``). An address changes from process
-    to process, so the machine code that Numba caches refers to a name, which is given the address here.
+    SciPy gives the addresses of its compiled functions (``scipy.special.cython_special``). An address changes from
+    process to process. So the machine code that Numba caches refers to a name, which receives the address here.
     """
     symbol = f"wavegym_{name}"
     add_symbol(symbol, get_cython_function_address("scipy.special.cython_special", f"__pyx_fuse_1{name}"))
@@ -71,7 +71,7 @@ def visible_shares(duration, range_m, half_length, share):
 
 @inlined
 def received_one(C, duration, w, range_m, half_length, e, out):
-    """out[e] (2, 2): C[w] of pulse w as received from ``range_m``."""
+    """out[e] (2, 2): C[w] of pulse w as received from range ``range_m``."""
     share = visible_share(duration[w], range_m, half_length)
     for i in range(2):
         for j in range(2):
@@ -120,8 +120,8 @@ def transition(
 ):  # fmt: skip
     """Move, sense at the true range, track: fills the new x (e, n), P_out (e, n, n), truth (e, n) and step_out (e,).
 
-    C, duration, which (e,), half: the ``Pulses`` that are sent. ``true_law``: reference and nearest range by
-    which the world's SNR falls; the tracker assumes r0 and nearest. An episode that is over stays at the path's end.
+    C, duration, which (e,), half: the ``Pulses`` that are sent. ``true_law``: reference and nearest range of the
+    world's SNR law. The tracker assumes r0 and nearest. An episode that is over stays at the end of the path.
     """
     count, n, last = mean.shape[0], len(nn), path.shape[1] - 1
     y, z, received = np.empty((count, 2)), np.empty((count, 2)), np.empty((count, 2, 2))
@@ -222,9 +222,9 @@ def ranges_ahead(mean, F, levels, nn):
 def lookahead(mean, P, C, r, step, horizon, weights, F, Q, M, r0, nearest, nn, mm):
     """First action of the best sequence of as many steps as r has (fewer at the episode's end), and its cost.
 
-    Depth first, so the memory is one covariance a level; a branch ends where its cost so far reaches the best total
-    (costs are not negative). r (e, levels) are the predicted ranges, which set the SNR, and C (e or 1, levels or 1, c,
-    2, 2) the covariances there.
+    Depth first, so the memory is one covariance for each level. A branch ends when its cost reaches the best total,
+    because costs are not negative. r (e, levels): predicted ranges, which set the SNR; C (e or 1, levels or 1, c, 2,
+    2): the covariances there.
     """
     count, n, depth, candidates = mean.shape[0], len(nn), r.shape[1], C.shape[2]
     best, first = np.full(count, np.inf), np.zeros(count, np.int64)
@@ -232,7 +232,7 @@ def lookahead(mean, P, C, r, step, horizon, weights, F, Q, M, r0, nearest, nn, m
     updated, predicted = np.empty((depth + 1, n, n)), np.empty((depth, n, n))
     spent, tried = np.zeros(depth + 1), np.empty(depth, np.int64)
     for e in range(count):
-        levels = max(1, min(depth, horizon - step[e]))  # an episode that is over gets an action nobody will use
+        levels = max(1, min(depth, horizon - step[e]))  # an episode that is over gets an action that nobody uses
         f = e if F.shape[0] > 1 else 0
         C_own = C[e if C.shape[0] > 1 else 0]
         copy_matrix(P[e], updated[0])

@@ -36,7 +36,7 @@ def fused_transition(system: KershawEvans, state: State, action: Array, world: W
 
 
 def _cut_pulses(system: KershawEvans, action: Array, path: Array, step: Array) -> Pulses:
-    """What the receiver sees of the given pulses of a step, which are cut by tables."""
+    """The visible part of the given pulses of a step; tables give the cut."""
     each = np.arange(len(step))
     ahead = np.minimum(step + 1, system.horizon)  # past the end of an episode the result is not used
     return Pulses(system._covariance_from(action, path[each, ahead, 0]), np.ones(len(each)), each, -math.inf)

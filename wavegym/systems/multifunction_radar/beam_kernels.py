@@ -1,11 +1,11 @@
-"""The beam of the multifunction radar in compiled form: energy, detections, errors, and what a miss says.
+"""The compiled beam of the multifunction radar: energy, detections, errors, and the information in a miss.
 
-Shapes: g targets, f findings of a dwell: range (m), azimuth (rad), z, and the number of the target, -1 for a false
-alarm, which only the truth reads. S: mean E/N0 of the echo, of which the
-receiver sees z, the power of echo and noise together. Both are complex normal (Swerling 1), so z is exponential with
-mean 1 + S, the probability of z > T is exp(-T / (1 + S)), and beyond T the rest of z is exponential again. Errors of
-range and azimuth are those of a monopulse and a matched filter at the power that was seen: variances proportional to
-1 / (2 z). World and tracker both take them from z, so no SNR is assumed.
+Shapes: g targets, f findings of a dwell: range (m), azimuth (rad), z, and the number of the target (-1: false alarm),
+which only the truth reads. S is the mean E/N0 of the echo. The receiver measures z, the power of echo and noise
+together. Both are complex normal (Swerling 1), so z is exponential with mean 1 + S. The probability of z > T is
+exp(-T / (1 + S)), and the excess over T is exponential again. Range and azimuth have the errors of a matched filter and
+a monopulse at the measured power: variances proportional to 1 / (2 z). World and tracker both compute them from z, so
+no SNR is assumed.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -19,11 +19,11 @@ from wavegym.core.counter_rng_kernels import exponential, normal, stream, unifor
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
 
-TWO_WAY = 8.0 * np.log(2.0)  # loss of a pointing error d: exp(-TWO_WAY d^2 / B^2), one half in power each way at B / 2
+TWO_WAY = 8.0 * np.log(2.0)  # loss of a pointing error d: exp(-TWO_WAY d^2 / B^2); at B / 2 half the power each way
 REACH = 1.5  # beam widths off the axis beyond which no echo is seen: the loss is 54 dB there
 NODES = np.array([-2.8569700138728056, -1.3556261799742659, 0.0, 1.3556261799742659, 2.8569700138728056])
 WEIGHTS = np.array([0.011257411327720691, 0.22207592200561266, 8.0 / 15.0, 0.22207592200561266, 0.011257411327720691])
-NARROW = 0.25  # standard deviation in beam widths below which that quadrature is used
+NARROW = 0.25  # standard deviation in beam widths below which Gauss-Hermite quadrature is used
 STEPS = 6  # of the trapezoidal rule from the axis to ``REACH``
 FALSE = 10_000  # number of the stream of false alarms within a dwell's key
 
@@ -44,7 +44,7 @@ class Beam(NamedTuple):
 
 @inlined
 def energy(r, off, seconds, beam):
-    """S of a target at range r, ``off`` rad beside the beam's axis, in a dwell of ``seconds``."""
+    """S of a target at range r, ``off`` rad from the beam's axis, in a dwell of ``seconds``."""
     ratio = beam.reference / r
     gain = ratio * ratio * ratio * ratio * seconds / beam.unit
     return gain * np.exp(-TWO_WAY * off * off / (beam.width * beam.width))
@@ -58,9 +58,9 @@ def detection(S, threshold):
 
 @inlined
 def mean_inverse_power(S, threshold):
-    """Mean of 1 / z given a detection, to a twentieth: exp(x) E1(x) / (1 + S) with x = T / (1 + S).
+    """Mean of 1 / z given a detection, with an error below 5 %: exp(x) E1(x) / (1 + S) with x = T / (1 + S).
 
-    exp(x) E1(x) is near ln(1 + c / x), where c rises from exp(-gamma) at 0, with Euler's gamma, to 1 - 1 / (2 x).
+    exp(x) E1(x) is near ln(1 + c / x), where c increases from exp(-gamma) at 0 (Euler's gamma) to 1 - 1 / (2 x).
     """
     x = threshold / (1.0 + S)
     c = (0.5615 + 0.877 * x) / (1.0 + 0.877 * x)
@@ -69,10 +69,10 @@ def mean_inverse_power(S, threshold):
 
 @kernel
 def expected_detection(r, off, variance, seconds, threshold, beam):
-    """Probability of detection where the azimuth has a mean ``off`` the beam's axis and a variance; what a miss says.
+    """Probability of detection, and a ratio for a miss; the azimuth has a variance and a mean ``off`` the beam's axis.
 
-    The second value is the mean square distance from that mean given a miss, over the variance. A narrow distribution
-    is integrated by Gauss-Hermite quadrature, a wide one by the trapezoidal rule over the beam.
+    The ratio is the mean square distance from that mean given a miss, divided by the variance. A narrow distribution is
+    integrated by Gauss-Hermite quadrature, a wide one by the trapezoidal rule over the beam.
     """
     sigma, square, pd = np.sqrt(variance), 1.0, 0.0
     if sigma < NARROW * beam.width:
@@ -102,7 +102,7 @@ def coverage(r, seconds, threshold, beam):
 
 @kernel
 def echoes(key, x, here, late, axis, seconds, threshold, beam, found):
-    """Detections of true targets x (g, n), flown on for ``late`` s; fills found (f, 4), returns their number."""
+    """Detections of true targets x (g, n), moved on by ``late`` s; fills found (f, 4), returns their number."""
     count = 0
     for g in range(len(here)):
         if not here[g] or count == len(found):
@@ -147,6 +147,6 @@ def false_density(threshold, beam):
 
 @inlined
 def errors(z, beam, variance):
-    """Fill variance (2,): of range and azimuth where the power z was seen."""
+    """Fill variance (2,) of range and azimuth at the measured power z."""
     variance[0] = beam.range_error * beam.range_error * 0.5 / z
     variance[1] = beam.angle_error * beam.angle_error * 0.5 / z

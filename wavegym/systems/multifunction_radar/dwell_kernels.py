@@ -1,12 +1,12 @@
-"""Dwells of the multifunction radar in compiled form: what an update or a search does to tracks and to the undetected.
+"""Compiled dwells of the multifunction radar: how an update or a search changes tracks and undetected targets.
 
 Shapes: e environments, k slots, s sectors, b range bins, f findings; see ``track_kernels`` and ``beam_kernels``.
 ``undetected`` (s, b): the expected number of targets without a track. It is a Poisson intensity: targets move between
-neighbouring cells at the rates of an isotropic flow, and are fewer after a search. Outside the region the intensity is
-that of the traffic as a whole, so as many targets come over the edges as belong to it.
+neighbouring cells at the rates of an isotropic flow, and a search reduces their number. Outside the region the
+intensity is that of the whole traffic, so the right number of targets comes in over the edges.
 
-truth, as dwells read it: the beam as it is; x (g, n), here (g,), the seconds since their cell began; and origin (k,),
-the target whose echo a slot has used last, -1 for a false alarm, which dwells write.
+Dwells read of the truth: the true beam; x (g, n), here (g,); and the seconds since the cell of time began. They write
+origin (k,), the target whose echo a slot has used last (-1: false alarm).
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -42,7 +42,7 @@ from wavegym.trackers.imm_kernels import LOG_2PI
 from wavegym.trackers.kernels import gain_one, shrink_one
 
 MOST_FOUND = 32  # detections of a dwell
-WIDEST = 4.0  # trace of the position's covariance over c0 from which a track is dropped; from 1 on it is not reported
+WIDEST = 4.0  # trace of the position's covariance, in c0, at which a track is dropped; from 1 on it is not reported
 
 
 class Area(NamedTuple):
@@ -52,7 +52,7 @@ class Area(NamedTuple):
     nearest: float  # m
     farthest: float  # m
     beams: int  # of a sector
-    traffic: float  # targets for each square metre where nobody looks
+    traffic: float  # targets for each square metre without any search
     radial: float  # flow to the next bin on either side, 1/s
     lateral: float  # flow to the next sector on either side times the range, m/s
     dropped: float  # existence below which a track is dropped
@@ -62,7 +62,7 @@ class Area(NamedTuple):
 
 @inlined
 def cell_of(r, azimuth, shape, area):
-    """Sector and bin of a place; the nearest ones of a place outside."""
+    """Sector and bin of a place; the nearest ones for a place outside."""
     s = int((azimuth + area.half_sector) / (2.0 * area.half_sector) * shape[0])
     b = int((r - area.nearest) / (area.farthest - area.nearest) * shape[1])
     return min(max(s, 0), shape[0] - 1), min(max(b, 0), shape[1] - 1)
@@ -76,7 +76,7 @@ def middle_of(b, bins, area):
 
 @inlined
 def usual_number(b, shape, area):
-    """Targets in a cell of bin b where nobody looks."""
+    """Targets in a cell of bin b without any search."""
     sectors, bins = shape
     deep = (area.farthest - area.nearest) / bins
     return area.traffic * deep * middle_of(b, bins, area) * 2.0 * area.half_sector / sectors
@@ -102,7 +102,7 @@ def weighted_number(undetected, area):
 
 @kernel
 def drift(undetected, seconds, area, before):
-    """Move the intensity (s, b) on by ``seconds``, a short time against one over the rates; before: scratch space."""
+    """Advance the intensity (s, b) by ``seconds``, much less than the inverse of the rates; before: scratch space."""
     sectors, bins = undetected.shape
     copy_matrix(undetected, before)
     for b in range(bins):
@@ -132,7 +132,7 @@ def hit(k, time, slots, modes, prediction, finding, gated, threshold, beam):
 
 @kernel
 def miss(k, time, slots, modes, prediction, pd, ratio):
-    """A dwell on slot k without a finding: less existence, and a wider azimuth, as the beam may have missed."""
+    """A dwell on slot k without a finding: existence falls, and the azimuth spreads, as the beam may have missed it."""
     x, P, mu = prediction
     slots.existence[k] *= (1.0 - pd) / (1.0 - slots.existence[k] * pd)
     h, H, v = np.empty(2), np.empty((2, 4)), np.empty(4)
@@ -145,7 +145,7 @@ def miss(k, time, slots, modes, prediction, pd, ratio):
 
 @kernel
 def look_for(k, time, slots, pointing, seconds, threshold, modes, beam, findings):
-    """A dwell whose beam covers slot k: the nearest finding in its gate that no other slot has used; -1 for none.
+    """Use the nearest finding in slot k's gate that no other slot has used, if the beam covers it; -1 for none.
 
     pointing: the beam's axis. findings: their number, the findings (f, 4), and which are used (f,).
     """
@@ -185,7 +185,7 @@ def azimuth_of(k, time, slots):
 
 @kernel
 def begin_tracks(time, slots, findings, undetected, origin, covers, laws):
-    """A track in a free slot for every finding that no slot has used; no track where all slots are taken.
+    """Begin a track in a free slot for every finding that no slot has used, while there are free slots.
 
     Its existence weighs the undetected targets expected there against false alarms. covers: see ``search``.
     """
@@ -207,9 +207,9 @@ def begin_tracks(time, slots, findings, undetected, origin, covers, laws):
 
 @kernel
 def drop_tracks(time, slots, undetected, modes, most, area):
-    """Free the slots of little existence, of too great a spread or out of the region.
+    """Free the slots with a low existence, a spread that is too large, or a place outside the region.
 
-    The existence of a track that is dropped inside is undetected again.
+    The existence of a track that is dropped inside the region is added to the undetected targets.
     """
     for k in range(len(slots.existence)):
         if slots.existence[k] == 0.0:
@@ -226,7 +226,7 @@ def drop_tracks(time, slots, undetected, modes, most, area):
 
 @inlined
 def reported_cost(e, trace, most):
-    """Cost per second of a track of existence e: reported or not, whichever is less."""
+    """Cost per second of a track of existence e, reported or not: the lower of the two."""
     return min(e * trace + (1.0 - e) * most, e * most)
 
 
@@ -234,8 +234,8 @@ def reported_cost(e, trace, most):
 def rate_of_slot(k, time, slots, modes, most, area):
     """The cost per second of the track in slot k at ``time``, with the weight of its range.
 
-    A track that is reported costs e tr P + (1 - e) c0, one that is not e c0, and the lesser counts: the expected
-    squared GOSPA distance at the best choice of what to report.
+    A reported track costs e tr P + (1 - e) c0, an unreported one e c0. The lower cost counts: it is the expected
+    squared GOSPA distance with the best choice of reports.
     """
     xx, _, yy = spread_at(slots.moments[k], modes, time - slots.time[k])
     weight = 1.0 if area.priority == 1.0 else weight_at(azimuth_of(k, time, slots)[1], area)
@@ -254,7 +254,7 @@ def rate_of_cost(time, slots, modes, most, area):
 
 @kernel
 def mean_rate(start, seconds, slots, modes, most, area):
-    """The mean cost per second of all tracks over ``seconds`` in which nothing is done, by Simpson's rule."""
+    """The mean cost per second of all tracks over ``seconds`` without a dwell, by Simpson's rule."""
     first = rate_of_cost(start, slots, modes, most, area)
     middle = rate_of_cost(start + 0.5 * seconds, slots, modes, most, area)
     last = rate_of_cost(start + seconds, slots, modes, most, area)
@@ -263,7 +263,7 @@ def mean_rate(start, seconds, slots, modes, most, area):
 
 @kernel
 def sense(key, truth, axis, seconds, threshold):
-    """A dwell's findings: their number, the echoes and false alarms (f, 4), and that no slot has used any (f,)."""
+    """A dwell's findings: their number, the echoes and false alarms (f, 4), and flags (f,): used by a slot."""
     found, (beam, x, here, late, _) = np.empty((MOST_FOUND, 4)), truth
     count = echoes(key, x, here, late, axis, seconds, threshold, beam, found)
     count = false_alarms(key, axis, beam.nearest, beam.farthest, threshold, beam, found, count)
@@ -278,7 +278,7 @@ def axis_of(sector, turn, sectors, area):
 
 @inlined
 def thin(undetected, covers, area):
-    """Take what a search of their sector's next beam finds from the undetected (b,)."""
+    """Subtract what a search with their sector's next beam finds from the undetected targets (b,)."""
     for b in range(len(undetected)):
         undetected[b] *= max(1.0 - covers[b] / area.beams, 0.0)
 

@@ -1,8 +1,8 @@
-"""What a dwell of the multifunction radar is worth, and simulated futures of a rule that scores dwells; compiled.
+"""Compiled gains of dwells of the multifunction radar, and simulated futures of a rule that scores dwells.
 
-Shapes as in ``step_kernels``; h times ahead. The worth of a dwell is what it takes off the expected cost of the seconds
-after it, if nothing else is done in them. It is computed for several times at once: most of the work is the same.
-In simulated futures e rows are beliefs of their own.
+Shapes as in ``step_kernels``; h times ahead. The worth of a dwell is the predicted cost that it saves in the seconds
+after it, if no other dwell happens in them. It is computed for several times at once, because most of the work is the
+same. In simulated futures each of the e rows is a separate belief.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -34,7 +34,7 @@ from wavegym.systems.multifunction_radar.step_kernels import (
 from wavegym.systems.multifunction_radar.track_kernels import NN, PLACE, growth_of_position, look_at, predict_slot
 from wavegym.trackers.kernels import gain_one, shrink_one
 
-TINY = 1e-12  # of a gain, so that its logarithm is finite
+TINY = 1e-12  # least gain, so that its logarithm is finite
 
 
 @kernel
@@ -81,7 +81,7 @@ def gains_of_slot(k, time, slots, menu, actions, ahead, threshold, laws, out):
 
 @inlined
 def expected_to_find(undetected, covers, area):
-    """Undetected targets (b,) that a search of their sector's next beam finds, each with its weight."""
+    """Undetected targets (b,) that a search with their sector's next beam finds, each with its weight."""
     total, bins = 0.0, len(undetected)
     for b in range(bins):
         total += weight_at(middle_of(b, bins, area), area) * undetected[b] * min(covers[b] / area.beams, 1.0)
@@ -137,7 +137,7 @@ def scores(batch, menu, thresholds, laws, rule, out):
 def gains(batch, menu, thresholds, laws, ahead, worth, out):
     """Fill out (e, action, h) with the worth of every dwell over its duration; 0 for updates of free slots and waits.
 
-    ahead (h,): seconds that count after an update. worth: of a target that a search finds, in c0 seconds.
+    ahead (h,): seconds that count after an update. worth: that of a target found by a search, in c0 seconds.
     """
     for e in range(len(batch.time)):
         gains_of_row(e, batch, menu, thresholds, laws, ahead, worth, out[e])
@@ -145,7 +145,7 @@ def gains(batch, menu, thresholds, laws, ahead, worth, out):
 
 @inlined
 def greatest(scores, existence, menu):
-    """The allowed action of the greatest score (action,); the first of equals."""
+    """The allowed action with the greatest score (action,); the first if several are equal."""
     kind, which = menu[0], menu[1]
     best, most = len(kind) - 1, -np.inf
     for a in range(len(kind)):
@@ -156,9 +156,9 @@ def greatest(scores, existence, menu):
 
 @kernel
 def cost_to_come(time, slots, rule, laws):
-    """What the tracks cost in the seconds that the rule looks ahead, if nothing is done in them.
+    """Cost of the tracks in the seconds that the rule looks ahead, without any dwell.
 
-    A tentative track counts as often as the rule has it.
+    A tentative track is weighted with the rule's factor.
     """
     modes, _, area, most = laws
     total = 0.0
@@ -174,7 +174,7 @@ def cost_to_come(time, slots, rule, laws):
 
 @kernel
 def simulate_dwell(e, batch, action, keys, updates, end, worth, menu, thresholds, laws):
-    """Do one dwell; returns its cost less what it earns. updates (k,): how often each slot was updated before."""
+    """Simulate one dwell; returns its cost minus what it earns. updates (k,): earlier updates of each slot."""
     modes, beam, area, most = laws
     slots, undetected = slots_of(e, batch), batch.undetected[e]
     dwell = chosen(action, batch.existence[e], menu)
@@ -197,13 +197,14 @@ def simulate_dwell(e, batch, action, keys, updates, end, worth, menu, thresholds
 
 @kernel
 def simulate(batch, first, keys, seconds, menu, thresholds, laws, rule, value):
-    """Add to value (e,) the cost of the next ``seconds`` that begin with the actions ``first`` (e,), and of what comes.
+    """Add the cost of the next ``seconds``, after the actions ``first`` (e,), and the cost to come to value (e,).
 
-    A search in a future finds the expected number of targets, not single ones. That number leaves the undetected, still
-    costs c0 a second until the future ends, and earns the rule's worth in seconds of c0. Single targets found by chance
-    would make two futures differ by more than any update is worth. keys (e,): of the draws of updates. The n-th update
-    of a slot has the same draws in all futures of a key, whatever comes before it. Of the dwell in which a future ends,
-    the part before the end counts, in what it costs as in what it does: or futures would differ by a whole dwell.
+    A search in a simulated future finds the expected number of targets, not single ones. This number is subtracted from
+    the undetected targets, still costs c0 a second until the future ends, and earns the rule's worth in seconds of c0.
+    Single targets found by chance would make two futures differ by more than any update is worth. keys (e,): of the
+    draws of updates. The n-th update of a slot has the same draws in all futures of a key, whatever comes before it. Of
+    the last dwell only the part before the end of the future counts, in its cost and in its effect. Otherwise futures
+    would differ by a whole dwell.
     """
     scores, duration = np.empty(len(menu[0])), menu[3]
     for e in range(len(first)):

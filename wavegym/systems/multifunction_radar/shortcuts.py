@@ -44,7 +44,7 @@ def scores(system: MultifunctionRadar, belief: Belief, rule: DwellRule) -> Array
 def simulate(
     system: MultifunctionRadar, belief: Belief, actions: Array, rule: DwellRule, seconds: float, futures: int
 ) -> Array:
-    """In m^2 s, less what the searches are worth (``gain_kernels``)."""
+    """In m^2 s, minus the worth of the searches (``gain_kernels``)."""
     envs, count = actions.shape
     rows = trees.repeated(belief, count * futures)
     first = np.ascontiguousarray(actions.repeat(futures, axis=1).reshape(-1))

@@ -142,11 +142,12 @@ def _errors(truth: Truth, e: int, confirmed: Array, x: Array, mean: Array, covar
 
 
 class Traffic(NamedTuple):
-    """The traffic of an isotropic flow in a sector of a ring: the region, and how many targets fly in it how fast.
+    """The traffic of an isotropic flow in a sector of a ring: the region, and the number and speeds of targets in it.
 
-    In the plane targets are a Poisson process with uniform places and headings. What a region sees of it is a uniform
-    intensity inside, and over each metre of its edge a rate of density x mean speed / pi, with the heading's angle from
-    the inward normal distributed by its cosine, and speeds in proportion to how often they occur times the speed.
+    In the plane targets are a Poisson process with uniform places and headings. So inside a region the intensity is
+    uniform. Over each metre of its edge targets enter at the rate density x mean speed / pi. The density of the angle
+    between heading and inward normal is proportional to its cosine; that of an entering target's speed is proportional
+    to the speed times its density in the plane.
     """
 
     nearest: float  # m

@@ -1,11 +1,11 @@
-"""A step of the multifunction radar in compiled form: targets fly, and one dwell happens or is foreseen.
+"""A compiled step of the multifunction radar: targets fly, and one dwell happens or is predicted.
 
 Shapes: e environments, g targets; others as in ``dwell_kernels``. ``batch`` is the ``Belief`` of all environments. All
 functions change the arrays of truth and belief in place.
 
-A true target is [x xdot y ydot] (m, m/s); the radar stands at the origin. Azimuths count clockwise from +y. Time
-advances in cells of a fixed length: within a cell a target flies straight on. In each of its two modes a target has
-white acceleration of another density; a Markov chain switches the mode.
+A true target is [x xdot y ydot] (m, m/s); the radar is at the origin. Azimuths are clockwise from +y. Time advances in
+cells of a fixed length. Within a cell a target flies straight on. The density of its white acceleration depends on its
+mode, and a Markov chain switches between the two modes.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -55,7 +55,7 @@ from wavegym.trackers.kernels import gain_one
 
 MODES = 2
 MOTION = 0  # number of the stream of manoeuvres within a world's key
-DRAWS = 5  # of a target in a cell: the mode's change, and two of noise for each axis
+DRAWS = 5  # draws of a target in a cell: the mode's change, and two of noise for each axis
 WAIT, UPDATE, SEARCH = 0, 1, 2
 DWELLS = 1  # number of the stream of dwells within a world's key
 
@@ -86,7 +86,7 @@ def in_region(x, y, flight):
 
 @inlined
 def fly_one(key, cell, g, x, mode, flight):
-    """One cell of target g: changes x[g] (n,) and mode[g]; the draws belong to the key, the cell and the target."""
+    """One cell of target g: changes x[g] (n,) and mode[g]; the draws depend on the key, the cell and the target."""
     own, h = stream(stream(stream(key, MOTION), cell), g), flight.cell
     if uniform(own, 0) < -np.expm1(-flight.leave[mode[g]] * h):
         mode[g] = 1 - mode[g]
@@ -100,9 +100,9 @@ def fly_one(key, cell, g, x, mode, flight):
 
 @kernel
 def fly(key, arrival, cell, until, x, mode, here, flight):
-    """Fly all targets of one environment from a cell's beginning to that of the cell ``until``.
+    """Fly all targets of one environment from the beginning of a cell to the beginning of the cell ``until``.
 
-    A target is here from the first cell that begins after its arrival until it is out of the region.
+    A target is here from the first cell that begins after its arrival until it leaves the region.
     """
     for k in range(cell, until):
         for g in range(len(here)):
@@ -125,7 +125,7 @@ class Dwell(NamedTuple):
 
     kind: int  # WAIT, UPDATE or SEARCH
     which: int  # slot or sector
-    seconds: float  # of transmission
+    seconds: float  # time of transmission
     duration: float  # s, overhead included
 
 
@@ -151,9 +151,9 @@ def first_tracks(x, here, known, error, modes, variance, batch, origin):
 
 @inlined
 def chosen(action, existence, menu):
-    """The dwell of an action, a row of the menu's arrays, (action,) each; an update of a free slot is the last, a wait.
+    """The dwell of an action, from the menu's arrays (action,). An update of a free slot is a wait, the last action.
 
-    existence (k,). The menu's fifth array, covers (action, b), is for searches alone.
+    existence (k,). The menu's fifth array, covers (action, b), is for searches only.
     """
     kind, which, seconds, duration, _ = menu
     if kind[action] == UPDATE and existence[which[action]] == 0.0:
@@ -163,7 +163,7 @@ def chosen(action, existence, menu):
 
 @kernel
 def pass_time(e, batch, dwell, modes, area, most, scratch):
-    """Let a dwell's time pass before its echo is used: the cost of it, and the undetected.
+    """Let a dwell's time pass before its echo is used: adds its cost and moves the undetected targets.
 
     Every undetected target costs c0 a second.
     """
@@ -180,7 +180,7 @@ def pass_time(e, batch, dwell, modes, area, most, scratch):
 
 @kernel
 def rest(batch, seconds, laws, out):
-    """Fill out (e,) with the cost of the coming ``seconds`` if the beam rested; the undetected stay as many."""
+    """Fill out (e,) with the cost of the coming ``seconds`` if the beam rested and no undetected target moved."""
     modes, _, area, most = laws
     for e in range(len(batch.time)):
         tracks = mean_rate(batch.time[e], seconds, slots_of(e, batch), modes, most, area)
@@ -221,10 +221,10 @@ def advance(keys, arrival, truth, flight, true_beam, batch, actions, menu, thres
 
 @kernel
 def foresee_update(k, time, slots, seconds, draws, laws):
-    """What an update of slot k is expected to do, or does with uniform draws (2,): of its detection and its power.
+    """Predict an update of slot k: its expectation, or its result for uniform draws (2,) of detection and power.
 
-    An echo comes from where the track is predicted, which is what the quiet mode expects most. The modes keep their
-    probabilities all the same, or no future would hold a manoeuvre.
+    The echo comes from the predicted place of the track, where the quiet mode is the most likely. The modes
+    nevertheless keep their probabilities; otherwise no future would contain a manoeuvre.
     """
     threshold, modes, beam, _ = laws
     x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
@@ -259,10 +259,10 @@ def foresee_update(k, time, slots, seconds, draws, laws):
 
 @kernel
 def foresee_search(time, slots, sector, turn, undetected, seconds, covers, draws, laws):
-    """What a search of a sector is expected to do, or does with uniform draws (2,): of a new track and its range.
+    """Predict a search of a sector: its expectation, or its result for uniform draws (2,) of a new track and its range.
 
-    Without draws nothing changes: a found target moves from the undetected to a tentative track, which costs the same.
-    With draws at most one track begins, of a target or of a false alarm, in the bin that the draw says.
+    Without draws nothing changes: a found target moves from the undetected ones to a tentative track, which costs the
+    same. With draws at most one track begins, of a target or of a false alarm. A draw chooses its bin.
     """
     if len(draws) == 0:
         return
@@ -289,7 +289,7 @@ def foresee_search(time, slots, sector, turn, undetected, seconds, covers, draws
 
 @kernel
 def foresee(batch, actions, draws, menu, thresholds, laws):
-    """One dwell of every environment as its belief foresees it; draws (e, 2), or (e, 0) for what is expected."""
+    """Predict one dwell of every environment from its belief; draws (e, 2), or (e, 0) for the expectation."""
     modes, beam, area, most = laws
     scratch = np.empty_like(batch.undetected[0])
     for e in range(len(actions)):
@@ -332,7 +332,7 @@ def describe_slots(batch, modes, beam, out):
 
 @kernel
 def estimate_slots(batch, modes, mean, covariance):
-    """Fill mean (e, k, n) and covariance (e, k, n, n) of all modes together, now; free slots stay as they are."""
+    """Fill mean (e, k, n) and covariance (e, k, n, n) of all modes together, now; free slots are left unchanged."""
     x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
     for e in range(len(batch.time)):
         for k in range(batch.existence.shape[1]):

@@ -1,15 +1,16 @@
-"""Tracks of the multifunction radar in compiled form: an IMM of two modes for each slot, and its existence.
+"""Compiled tracks of the multifunction radar: an IMM of two modes for each slot, and its existence.
 
-Shapes: k slots, m = 2 modes, n = 4 elements of [x xdot y ydot]. A slot keeps what it was at its last update: mean
-(m, n) and covariance (m, n, n) of each mode and their probabilities. What it is at another time follows in closed form.
+Shapes: k slots, m = 2 modes, n = 4 elements of [x xdot y ydot]. A slot keeps its state at the last update: mean (m, n)
+and covariance (m, n, n) of each mode and the modes' probabilities. Its state at other times follows in closed form.
 
-Where a target's acceleration is white with the density of its mode, the covariance of all modes together grows by
-the expected density: q(s) = q* + (q(0) - q*) exp(-rate s), with the stationary density q* and the rate of the Markov
-chain. So the covariance of the position after s seconds is
+A target's acceleration is white, with the density of its mode. So the covariance of all modes together grows with the
+expected density: q(s) = q* + (q(0) - q*) exp(-rate s), with the stationary density q* and the rate of the Markov chain.
+The covariance of the position after s seconds is
 
     p + 2 c s + v s^2 + (q* s^3 / 3 + (q(0) - q*) I(s)) 1,    I(s) = integral of (s - u)^2 exp(-rate u) du over 0..s,
 
-with p, v the covariances of position and velocity at the last update and c the symmetric part of that between them.
+with p, v the covariances of position and velocity at the last update and c the symmetric part of their
+cross-covariance.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -76,7 +77,7 @@ def decayed_growth(rate, s):
 
 @inlined
 def growth_of_position(q, modes, s):
-    """What ``s`` seconds add to the position's variance on each axis, from the expected density q on."""
+    """Growth of the position's variance on each axis in ``s`` seconds, if the expected density is q at first."""
     mean, rate = stationary_density(modes), modes.leave[0] + modes.leave[1]
     return mean * s * s * s / 3.0 + (q - mean) * decayed_growth(rate, s)
 
@@ -113,7 +114,8 @@ def advance_one(i, x, P, seconds, q):
 def predict_slot(k, time, slots, modes, x, P, mu, mean, covariance):
     """Slot k at ``time``: predicted x (m, n), P (m, n, n), mu (1, m); and mean (1, n) and covariance of all modes.
 
-    The mode changes first, then the target flies: over a revisit interval that is short against the modes' stay.
+    The mode changes first, then the target flies. This is valid if the revisit interval is much shorter than the stay
+    in a mode.
     """
     transition, seconds = np.empty((1, 2, 2)), time - slots.time[k]
     switched(modes, seconds, transition)
@@ -194,7 +196,7 @@ def update_slot(k, time, slots, modes, x, P, mu, r, azimuth, variance):
 
 @kernel
 def begin_slot(k, time, slots, modes, r, azimuth, variance, speed):
-    """Begin a track at a measured place; the velocity is unknown, of variance speed^2 on each axis."""
+    """Begin a track at a measured place; the velocity is unknown, with the variance speed^2 on each axis."""
     s, c = np.sin(azimuth), np.cos(azimuth)
     along, across = variance[0], r * r * variance[1]
     x, P, mu = np.zeros((2, 4)), np.zeros((2, 4, 4)), np.empty((1, 2))
@@ -209,7 +211,7 @@ def begin_slot(k, time, slots, modes, r, azimuth, variance, speed):
 
 @kernel
 def first_slots(x, here, known, error, modes, variance, slots, origin):
-    """Begin a track of every known target (g,) that is here, with estimates around x (g, n), and note whose it is.
+    """Begin a track of every known target (g,) that is here, with estimates around x (g, n), and record its target.
 
     error (g, n) is standard normal. variance (2,): of position and velocity on each axis.
     """

@@ -81,7 +81,7 @@ def test_single_platforms_do_not_decide(summary):
 
 @pytest.mark.parametrize(("low", "verdict"), [(0.1, "yes"), (-0.1, "undecided"), (-4.0, "no")])
 def test_the_deepest_lookahead_decides(summary, low, verdict):
-    """Whatever the others gain."""
+    """The gains of the other depths do not matter."""
     for depth, gain in summary["scenes"][FAR]["lookahead"].items():
         gain["percent"], gain["ci"] = (low + 1, [low, low + 2]) if depth == "10" else (2.0, [1.0, 3.0])
     assert verdict_on(check_claims(summary), "Lookahead of 10 steps", FAR) == verdict

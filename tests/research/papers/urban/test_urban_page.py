@@ -42,7 +42,7 @@ def test_the_closed_loop_beats_the_open_one(summary, setting):
 
 
 @pytest.mark.parametrize("setting", SETTINGS)
-def test_it_is_the_filter(summary, setting):
+def test_the_gain_comes_from_the_filter(summary, setting):
     """Either half by itself; and one NCV that expects more, in an open loop."""
     assert figures_of(summary, setting, (VSIMM, TURNS))["over_open"]["rmse"]["ci"][1] < 0.4
     assert figures_of(summary, setting, (NCV, MYOPIC))["over_open"]["rmse"]["ci"][0] > 0.95
