@@ -23,16 +23,16 @@ from agents.experiment import load_experiments
 from agents.leaderboard import PAGE, ROOT, SEED, against, environment_of
 from wavegym.core.command_line import Parser, guarded, named_values
 from wavegym.core.errors import InputError, check_choice
+from wavegym.core.files import write_whole
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.core.worlds import word
 from wavegym.evaluation import compare, full_id, make_task, statistics
+from wavegym.evaluation.adapters import AGENTS, SAVED
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.consistency import consistency, reversals
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.play import EpisodeResults
-from wavegym.evaluation.saved import AGENTS, SAVED
 from wavegym.evaluation.summary import named
 from wavegym.evaluation.table import decimal, flagged, interval, number, signed, tabulated
 from wavegym.policies.runs import load_policy

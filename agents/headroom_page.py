@@ -12,8 +12,8 @@ from typing import Any
 from agents import blocks
 from wavegym.core.command_line import guarded
 from wavegym.core.errors import InputError
+from wavegym.core.files import write_whole
 from wavegym.evaluation.comparison import BASELINE
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.planner_sweep import LIMITS, best_by_limit, limit_name
 from wavegym.evaluation.table import (
     CONSISTENCY,

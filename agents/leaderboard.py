@@ -21,16 +21,16 @@ from agents.timing import ALONE, decisions_us
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
+from wavegym.core.files import write_whole
 from wavegym.core.work import add_worker_options, workers
 from wavegym.core.worlds import word
 from wavegym.evaluation import compare, full_id, make_task, statistics
+from wavegym.evaluation.adapters import AGENTS, SAVED
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.consistency import consistency, reversals
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.play import EpisodeResults
 from wavegym.evaluation.report import TABLE, compressed, read_results
-from wavegym.evaluation.saved import AGENTS, SAVED
 from wavegym.evaluation.table import (
     decimal,
     estimated,

@@ -10,10 +10,9 @@ from wavegym.core.worlds import world_seeds
 from wavegym.evaluation import summarise
 from wavegym.evaluation.comparison import Comparison
 from wavegym.evaluation.consistency import consistency, nees_bounds, nees_flag, steps_outside
-from wavegym.evaluation.play import merged, play, results_of
+from wavegym.evaluation.play import Task, merged, play, results_of
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.table import markdown
-from wavegym.evaluation.task import Task
 from wavegym.schedulers import Fixed, Myopic
 
 SEEDS = world_seeds(0, "test", 300)

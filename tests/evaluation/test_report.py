@@ -10,9 +10,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, make_task, summarise, write_report
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.play import play
 from wavegym.schedulers import Fixed
 
@@ -173,41 +171,3 @@ def test_a_full_disk_leaves_the_earlier_files_as_they_were(folder, comparison):
         resource.setrlimit(resource.RLIMIT_FSIZE, limit)
     assert caught.value.errno == errno.EFBIG
     assert {name: (folder / name).read_bytes() for name in sorted(os.listdir(folder))} == before
-
-
-def test_an_error_in_the_last_file_leaves_none_of_the_new_ones(tmp_path, monkeypatch):
-    write_whole(tmp_path, {"a": b"old", "b": b"old"})
-    flushed = []
-
-    def flush(descriptor):
-        flushed.append(descriptor)
-        if len(flushed) == 2:
-            raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", flush)
-    with pytest.raises(OSError, match=r"No space left on device.*b'"):
-        write_whole(tmp_path, {"a": b"new", "b": b"new"})
-    assert {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)} == {"a": b"old", "b": b"old"}
-
-
-@pytest.mark.parametrize("blocked", ["a", "b"])
-def test_a_folder_in_the_way_is_named_and_nothing_is_written(tmp_path, blocked):
-    other = {"a": "b", "b": "a"}[blocked]
-    (tmp_path / other).write_bytes(b"old")
-    (tmp_path / blocked).mkdir()
-    with pytest.raises(InputError, match=f"{blocked} is a folder, expected a file or nothing") as caught:
-        write_whole(tmp_path, {"a": b"new", "b": b"new"})
-    assert ".part" not in str(caught.value)
-    assert sorted(os.listdir(tmp_path)) == ["a", "b"]
-    assert (tmp_path / other).read_bytes() == b"old"
-
-
-def test_an_error_in_taking_a_name_names_the_destination(tmp_path, monkeypatch):
-    def refuse(part, path):
-        raise PermissionError(errno.EACCES, "Permission denied", str(part), None, str(path))
-
-    monkeypatch.setattr(os, "replace", refuse)
-    with pytest.raises(PermissionError) as caught:
-        write_whole(tmp_path, {"a": b"new"})
-    assert caught.value.filename == str(tmp_path / "a")
-    assert os.listdir(tmp_path) == []

@@ -97,13 +97,13 @@ def policies(names: str) -> dict[str, Any]:
     Raises:
         InputError: two policies of one name, or none at all.
     """
-    from wavegym.evaluation.saved import is_archive, is_folder, is_onnx
+    from wavegym.evaluation.adapters import is_folder
     from wavegym.schedulers.registry import is_scheduler
 
     found: dict[str, Any] = {}
     for name in filter(None, (part.strip() for part in names.split(","))):
         key, source = name, None
-        is_file = is_archive(name) or is_onnx(name)
+        is_file = name.endswith((".zip", ".onnx"))
         if not is_scheduler(name) and (is_file or is_folder(name)):
             source = Path(name)
             key = source.stem if is_file else source.resolve().name

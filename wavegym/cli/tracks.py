@@ -149,7 +149,7 @@ def _time(seconds: float) -> str:
 def _write(
     folder: Path, found: Sequence[RecordedTrack], summaries: Sequence[TrackSummary], max_gap: float | None
 ) -> None:
-    from wavegym.evaluation.files import csv_text, write_whole
+    from wavegym.core.files import csv_text, write_whole
 
     fields = [name for name in summaries[0]._fields if name != "dropped"]
     head = [*fields, *(reason.replace(" ", "_") for reason in MEANING)]

@@ -18,9 +18,9 @@ from typing import Any
 from wavegym.cli.environments import environment_parser, read_environment
 from wavegym.core.command_line import Parser, guarded, named_values
 from wavegym.core.errors import InputError, check_choice, nearest
+from wavegym.core.files import read_toml
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.registry import import_package
-from wavegym.core.toml import read_toml
 from wavegym.core.work import add_worker_options, workers
 
 

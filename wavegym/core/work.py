@@ -23,8 +23,8 @@ import joblib
 from joblib import Parallel, delayed
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from wavegym.core.array_files import packed, unpacked
 from wavegym.core.errors import InputError, check_choice
+from wavegym.core.files import packed, unpacked
 
 WATCHED_EVERY = 0.5  # s between two looks of a worker at its parent
 PACKAGE = Path(__file__).parents[1]

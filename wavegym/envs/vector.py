@@ -14,13 +14,13 @@ from wavegym.core import trees
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice, check_int
 from wavegym.core.policy import Policy
-from wavegym.core.system import System
+from wavegym.core.system import System, build_system
 from wavegym.envs.actions import action_reader
-from wavegym.envs.build import build_system
 from wavegym.envs.episodes import Episodes, Info, Seed, seed_list
 from wavegym.envs.policy_in_loop import PolicyInLoop
 from wavegym.envs.rewards import Reward, make_reward
 from wavegym.envs.scenario import with_scenario
+from wavegym.registration import SETTINGS
 
 PER_ENVIRONMENT = {"action_space": "single_action_space", "observation_space": "single_observation_space"}
 Stepped = tuple[Array, Array, Array, Array, dict[str, Any]]
@@ -36,7 +36,7 @@ class WaveformVectorEnv(VectorEnv):
     Args:
         system: the closed loop: a System, its class, or ``"package.module:Class"``.
         num_envs, reward, render_mode, autoreset_mode, max_episode_steps, forecasts, measurements, observation,
-            num_threads: the settings of every environment; ``wavegym.envs.build.SETTINGS`` holds their meaning, and
+            num_threads: the settings of every environment; ``wavegym.registration.SETTINGS`` holds their meaning, and
             ``wavegym.describe`` lists them.
         **parameters: the system's parameters.
 
@@ -61,7 +61,9 @@ class WaveformVectorEnv(VectorEnv):
         num_threads: int = 1,
         **parameters: Any,
     ) -> None:
-        self.system = build_system(system, parameters)
+        if "scenario" in parameters:
+            raise InputError("scenario is a setting of gym.make and gym.make_vec, expected it there")
+        self.system = build_system(system, parameters, SETTINGS)
         self.num_envs = check_int("num_envs", num_envs, 1)
         self.render_mode = None if render_mode is None else check_choice("render_mode", render_mode, ["rgb_array"])
         self.max_episode_steps = _limit(max_episode_steps)

@@ -18,8 +18,7 @@ from wavegym.core.policy import Policy
 from wavegym.core.work import Call, kept_parts, run_all
 from wavegym.core.worlds import tuning_tapes, world_seeds
 from wavegym.evaluation.adapters import Given, as_policies
-from wavegym.evaluation.play import EpisodeResults, Played, merged, play, results_of
-from wavegym.evaluation.task import Task, make_task
+from wavegym.evaluation.play import EpisodeResults, Played, Task, make_task, merged, play, results_of
 from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 
 BASELINE = "myopic"

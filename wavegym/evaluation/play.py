@@ -1,22 +1,65 @@
-"""Play a policy on given worlds through the Gymnasium shell, and record costs and metrics."""
+"""A task, which is a system with its parameters, and a policy played on its worlds: costs and metrics."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, NamedTuple
 
+import gymnasium as gym
 import numpy as np
 
 from wavegym.core.action_sets import ParameterBox, by_sensor, sensor_count, waveform_labels
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Clairvoyant, Policy, Trained
-from wavegym.core.system import System
+from wavegym.core.system import System, build_system
 from wavegym.core.worlds import word
+from wavegym.envs.scenario import scenario_differences
 from wavegym.envs.vector import WaveformVectorEnv
-from wavegym.evaluation.task import Task
+from wavegym.registration import SETTINGS, SHELL, full_id, registered_system
 from wavegym.schedulers.rollout import allowed, step_lengths
+
+
+@dataclass(frozen=True)
+class Task:
+    """One environment as evaluation needs it. It is sent to other processes, where the id may not be registered.
+
+    Attributes:
+        env_id: the full id.
+        system: the closed loop.
+        max_episode_steps: truncation before the system's own end, or None.
+        parameters: of the system, those that differ from those registered.
+        observation: what policies observe, "belief" or "measurements"; schedulers read the belief itself.
+    """
+
+    env_id: str
+    system: System
+    max_episode_steps: int | None
+    parameters: Mapping[str, Any]
+    observation: str = "belief"
+
+
+def make_task(env_id: str, parameters: Mapping[str, Any]) -> Task:
+    """The task of a registered environment.
+
+    Args:
+        env_id: with or without ``wavegym/``.
+        parameters: of the system, other than the registered ones; "scenario" names a file of them.
+
+    Raises:
+        InputError: an unreadable scenario, an unknown id or parameter (nearest named), or a value out of range.
+    """
+    env_id = full_id(env_id)
+    system, registered = registered_system(env_id)
+    limit = registered.pop("max_episode_steps", gym.spec(env_id).max_episode_steps)
+    of_file = scenario_differences(env_id, parameters.get("scenario", registered.get("scenario")))
+    given = {name: value for name, value in {**of_file, **parameters}.items() if name != "scenario"}
+    own = {name: value for name, value in registered.items() if name not in SHELL}  # the cost itself is reported
+    complete = {**own, **given}
+    observation = complete.pop("observation", registered.get("observation", "belief"))
+    return Task(env_id, build_system(system, complete, SETTINGS), limit, given, observation)
 
 
 class Played(NamedTuple):

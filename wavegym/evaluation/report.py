@@ -13,8 +13,8 @@ import numpy as np
 
 from wavegym.core.action_sets import ParameterBox, waveform_labels
 from wavegym.core.errors import InputError
+from wavegym.core.files import csv_text, write_whole
 from wavegym.evaluation.comparison import Comparison
-from wavegym.evaluation.files import csv_text, write_whole
 from wavegym.evaluation.page import page
 from wavegym.evaluation.picture import draw
 from wavegym.evaluation.play import BY_EPISODE, EpisodeResults, Played, by_world

@@ -10,14 +10,13 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int
+from wavegym.core.files import csv_text, write_whole
 from wavegym.core.system import State, System
 from wavegym.core.worlds import world_seeds
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation.adapters import Given
 from wavegym.evaluation.comparison import CHUNK, by_name, members_of
-from wavegym.evaluation.files import csv_text, write_whole
-from wavegym.evaluation.play import play
-from wavegym.evaluation.task import Task, make_task
+from wavegym.evaluation.play import Task, make_task, play
 
 MEASURED = "measured_"
 PATHS, RETURNS = "trajectories.csv", "measurements.csv"

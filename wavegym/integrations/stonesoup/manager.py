@@ -20,7 +20,7 @@ from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.core.worlds import word
 from wavegym.evaluation.adapters import as_policy
-from wavegym.evaluation.task import Task, make_task
+from wavegym.evaluation.play import Task, make_task
 from wavegym.integrations.stonesoup.beliefs import TrackReader
 from wavegym.integrations.stonesoup.sensor import radars_of
 from wavegym.observations.observer import Observer
