@@ -88,7 +88,7 @@ def count_outside(name: str, shifts: dict[str, dict[str, Any]], found: dict[str,
             for algo, (own, policy) in agents.items():
                 comparison = compare(env_id, {algo: policy}, worlds=COUNTED, jobs=jobs, keep=FOLDER, **own, **changes)
                 row = found[shift][half]["policies"][algo]
-                row["outside"] = statistics.average(comparison.results(algo).outside)
+                row["outside"] = statistics.finite(np.mean(comparison.results(algo).outside))
 
 
 def _agents(name: str) -> dict[str, tuple[dict[str, Any], Any]]:
@@ -135,8 +135,8 @@ def _against_simple(results: EpisodeResults, simple: EpisodeResults, dimension: 
         "belief": named("percent", "ci", against(results.cost, simple.cost)),
         "truth": named("percent", "ci", against(results.squared_error, simple.squared_error)),
         "nees": {**named("mean", "ci", found.nees), "flag": found.flag},
-        "lost": statistics.average(results.lost),
-        "outside": statistics.average(results.outside),
+        "lost": statistics.finite(np.mean(results.lost)),
+        "outside": statistics.finite(np.mean(results.outside)),
     }
 
 

@@ -48,8 +48,10 @@ def write_whole(folder: Path, contents: Mapping[str, bytes]) -> None:
     staged = {folder / name: folder / f".{name}.{os.getpid()}.part" for name in contents}
     try:
         for (path, part), content in zip(staged.items(), contents.values(), strict=True):
-            with _blamed_on(path):
-                _write(part, content)
+            with _blamed_on(path), part.open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
         for path, part in staged.items():
             with _blamed_on(path):
                 os.replace(part, path)
@@ -57,13 +59,6 @@ def write_whole(folder: Path, contents: Mapping[str, bytes]) -> None:
         for part in staged.values():
             part.unlink(missing_ok=True)
     _flush_names(folder)
-
-
-def _write(part: Path, content: bytes) -> None:
-    with part.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
 
 
 @contextmanager

@@ -51,25 +51,22 @@ class Parts:
         self.folder, self.kind = folder, kind
 
     def key(self, call: Call) -> str:
-        """What tells a call from all others. It must be asked for before the call, which may change its arguments."""
-        return str(joblib.hash((call.function.__qualname__, call.arguments)))
+        """The file of a call. It must be asked for before the call, which may change its arguments."""
+        return f"{joblib.hash((call.function.__qualname__, call.arguments))}.npz"
 
     def get(self, key: str) -> Any:
         """The result of the call; None if there is none, or a torn file."""
         with suppress(OSError, ValueError, TypeError):
-            return self.kind(**unpacked(self._file(key).read_bytes()))
+            return self.kind(**unpacked((self.folder / key).read_bytes()))
         return None
 
     def put(self, key: str, result: Any) -> None:
         """Keep a result. A file that cannot be written is no loss: the call is then made again."""
-        part = self._file(key).with_suffix(".part")
+        part = (self.folder / key).with_suffix(".part")
         with suppress(OSError):
             self.folder.mkdir(parents=True, exist_ok=True)
             part.write_bytes(packed(result._asdict()))
-            part.replace(self._file(key))
-
-    def _file(self, key: str) -> Path:
-        return self.folder / f"{key}.npz"
+            part.replace(self.folder / key)
 
 
 @contextmanager

@@ -66,7 +66,8 @@ class WaveformVectorEnv(VectorEnv):
         self.system = build_system(system, parameters, SETTINGS)
         self.num_envs = check_int("num_envs", num_envs, 1)
         self.render_mode = None if render_mode is None else check_choice("render_mode", render_mode, ["rgb_array"])
-        self.max_episode_steps = _limit(max_episode_steps)
+        limit = max_episode_steps
+        self.max_episode_steps = None if limit is None else check_int("max_episode_steps", limit, 1)
         self.autoreset_mode = _mode(autoreset_mode)
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.num_threads = check_int("num_threads", num_threads, 1)
@@ -150,7 +151,10 @@ class WaveformVectorEnv(VectorEnv):
             ClosedError: after ``close``.
         """
         self._check_open()
-        restarting = self._restarting()
+        restarting = self._ended if self._some_ended else None
+        if restarting is not None and self.autoreset_mode is AutoresetMode.DISABLED:
+            which = np.flatnonzero(restarting).tolist()
+            raise InputError(f"environments {which} have ended, expected a reset of them before step()")
         observation, reward, terminated, truncated, state_info, transition_info = self.transmit(actions, restarting)
         active = None
         if restarting is not None:
@@ -238,15 +242,6 @@ class WaveformVectorEnv(VectorEnv):
         assert self.episodes.state  # raises an InputError before the first reset
         return self._film.frames()
 
-    def _restarting(self) -> Array | None:
-        """The environments whose next step is a reset, (env,) bool; None without any."""
-        if not self._some_ended:
-            return None
-        if self.autoreset_mode is AutoresetMode.DISABLED:
-            which = np.flatnonzero(self._ended).tolist()
-            raise InputError(f"environments {which} have ended, expected a reset of them before step()")
-        return self._ended
-
     def _restart_now(self) -> tuple[Array, Info]:
         """SAME_STEP: begin new episodes where one has ended; returns observations and state info after that."""
         self.episodes.begin(self._ended)
@@ -298,10 +293,6 @@ def _mode(mode: str) -> AutoresetMode:
             f"autoreset_mode is {mode}, expected the string {mode.value!r}: specifications are kept as JSON"
         )
     return AutoresetMode(check_choice("autoreset_mode", mode, [m.value for m in AutoresetMode]))
-
-
-def _limit(max_episode_steps: int | None) -> int | None:
-    return None if max_episode_steps is None else check_int("max_episode_steps", max_episode_steps, 1)
 
 
 def _add_info(info: dict[str, Any], entries: dict[str, Array], rows: Array | None) -> None:

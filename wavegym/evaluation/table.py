@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -52,7 +53,9 @@ def tables(summary: dict[str, Any]) -> list[Table]:
 
     A column without any entry is left out, and so is a table without figures.
     """
-    policies = dict(sorted(summary["policies"].items(), key=lambda item: _or_last(item[1]["cost"]["mean"])))
+    means = {name: policy["cost"]["mean"] for name, policy in summary["policies"].items()}
+    cheapest_first = sorted(means, key=lambda name: math.inf if means[name] is None else means[name])
+    policies = {name: summary["policies"][name] for name in cheapest_first}
     made = [
         Table("Cost by belief", columns(BELIEF, policies, _belief_row)),
         Table(truth_title(summary["in_gospa"]), columns(TRUTH, policies, _truth_row)),
@@ -92,7 +95,9 @@ def order_sentence(reversals: Sequence[Mapping[str, Any]]) -> str:
 def aligned(columns: list[list[str]]) -> str:
     """A table of columns, each under its heading; the first is aligned to the left, the others to the right."""
     widths = [max(map(len, column)) for column in columns]
-    lines = [_line(row, widths) for row in zip(*columns, strict=True)]
+    padded = [[cell.rjust(width) for cell in column] for column, width in zip(columns, widths, strict=True)]
+    padded[0] = [cell.ljust(widths[0]) for cell in columns[0]]
+    lines = [f"| {' | '.join(row)} |" for row in zip(*padded, strict=True)]
     rule = "|".join(["", ":" + "-" * (widths[0] + 1), *("-" * (w + 1) + ":" for w in widths[1:]), ""])
     return "\n".join([lines[0], rule, *lines[1:]])
 
@@ -156,11 +161,6 @@ def flagged(nees: float | None, flag: str) -> str:
     return f"{number(nees)} {flag}".strip()
 
 
-def _line(cells: tuple[str, ...], widths: list[int]) -> str:
-    padded = [cells[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(cells[1:], widths[1:], strict=True))]
-    return f"| {' | '.join(padded)} |"
-
-
 def number(value: float | None) -> str:
     """Four digits, without an exponent below a million."""
     if value is None:
@@ -196,7 +196,3 @@ def shared(estimate: Estimate) -> list[str]:
 def interval(ci: Sequence[float] | None, shown: Any) -> str:
     """Both ends, each as ``shown`` writes it; empty without an interval."""
     return "" if ci is None else f"{shown(ci[0])} to {shown(ci[1])}"
-
-
-def _or_last(value: float | None) -> float:
-    return float("inf") if value is None else value
