@@ -79,7 +79,8 @@ def record(
         worlds: how many each scheduler meets; the random one meets all, because its draws depend on their number.
         saved: how many each saved agent meets; 0 plays none.
     """
-    from wavegym.evaluation.play import make_task, play
+    from wavegym.evaluation import make_task
+    from wavegym.evaluation.play import play
 
     draw_worlds, world_seeds = moved("draw_worlds"), moved("world_seeds")
     most, settings, listed = SLOW.get(name, (WORLDS, {}, POLICIES))
