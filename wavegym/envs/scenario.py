@@ -87,14 +87,12 @@ def with_scenario(system: Any, registered: Mapping[str, Any], given: Mapping[str
     return merged
 
 
-def scenario_differences(env_id: str, file: Path | str | None) -> dict[str, Any]:
+def scenario_differences(env_id: str, file: Path | str) -> dict[str, Any]:
     """The parameters of the system in a scenario file that differ from those of the environment ``env_id``.
 
     Raises:
         InputError: see ``scenario_parameters``; a value out of range.
     """
-    if not file:
-        return {}
     system, registered = registered_system(env_id)
     own = {name: value for name, value in registered.items() if name not in SHELL}
     stated = {name: value for name, value in scenario_parameters(file, system).items() if name not in OWN_SETTINGS}

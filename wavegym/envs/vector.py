@@ -68,7 +68,11 @@ class WaveformVectorEnv(VectorEnv):
         self.render_mode = None if render_mode is None else check_choice("render_mode", render_mode, ["rgb_array"])
         limit = max_episode_steps
         self.max_episode_steps = None if limit is None else check_int("max_episode_steps", limit, 1)
-        self.autoreset_mode = _mode(autoreset_mode)
+        if isinstance(autoreset_mode, AutoresetMode):
+            wanted = f"the string {autoreset_mode.value!r}: specifications are kept as JSON"
+            raise InputError(f"autoreset_mode is {autoreset_mode}, expected {wanted}")
+        modes = [mode.value for mode in AutoresetMode]
+        self.autoreset_mode = AutoresetMode(check_choice("autoreset_mode", autoreset_mode, modes))
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.num_threads = check_int("num_threads", num_threads, 1)
         shown = forecasts, measurements, observation
@@ -285,14 +289,6 @@ def endings(system: System, belief: Any, max_episode_steps: int | None) -> tuple
     over = system.terminal(belief)
     late = belief.step >= max_episode_steps if max_episode_steps else np.zeros(len(over), np.bool_)
     return (over, late) if system.terminates else (np.zeros(len(over), np.bool_), over | late)
-
-
-def _mode(mode: str) -> AutoresetMode:
-    if isinstance(mode, AutoresetMode):
-        raise InputError(
-            f"autoreset_mode is {mode}, expected the string {mode.value!r}: specifications are kept as JSON"
-        )
-    return AutoresetMode(check_choice("autoreset_mode", mode, [m.value for m in AutoresetMode]))
 
 
 def _add_info(info: dict[str, Any], entries: dict[str, Array], rows: Array | None) -> None:

@@ -54,7 +54,8 @@ def make_task(env_id: str, parameters: Mapping[str, Any]) -> Task:
     env_id = full_id(env_id)
     system, registered = registered_system(env_id)
     limit = registered.pop("max_episode_steps", gym.spec(env_id).max_episode_steps)
-    of_file = scenario_differences(env_id, parameters.get("scenario", registered.get("scenario")))
+    file = parameters.get("scenario", registered.get("scenario"))
+    of_file = scenario_differences(env_id, file) if file else {}
     given = {name: value for name, value in {**of_file, **parameters}.items() if name != "scenario"}
     own = {name: value for name, value in registered.items() if name not in SHELL}  # the cost itself is reported
     complete = {**own, **given}
