@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from wavegym.core.errors import InputError
-from wavegym.evaluation.files import write_whole
+from wavegym.core.files import write_whole
 from wavegym.evaluation.table import order_sentence
 
 

@@ -23,9 +23,9 @@ from wavegym.core import VERSION
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
-from wavegym.evaluation.files import write_whole
+from wavegym.core.files import write_whole
+from wavegym.evaluation.adapters import AGENTS
 from wavegym.evaluation.picture import as_png
-from wavegym.evaluation.saved import AGENTS
 from wavegym.evaluation.submission import (
     PARAMETERS,
     Entry,

@@ -24,16 +24,16 @@ from agents.experiment import load_experiments
 from agents.leaderboard import PAGE, ROOT, SEED, against, environment_of
 from wavegym.core.command_line import Parser, guarded, named_values
 from wavegym.core.errors import InputError, check_choice
+from wavegym.core.files import write_whole
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.core.worlds import word
 from wavegym.evaluation import compare, full_id, make_task, statistics
+from wavegym.evaluation.adapters import AGENTS, SAVED
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.consistency import consistency, reversals
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.play import EpisodeResults
-from wavegym.evaluation.saved import AGENTS, SAVED
 from wavegym.evaluation.summary import named
 from wavegym.evaluation.table import decimal, flagged, interval, number, signed, tabulated
 from wavegym.policies.runs import load_policy
@@ -89,7 +89,7 @@ def count_outside(name: str, shifts: dict[str, dict[str, Any]], found: dict[str,
             for algo, (own, policy) in agents.items():
                 comparison = compare(env_id, {algo: policy}, worlds=COUNTED, jobs=jobs, keep=FOLDER, **own, **changes)
                 row = found[shift][half]["policies"][algo]
-                row["outside"] = statistics.average(comparison.results(algo).outside)
+                row["outside"] = statistics.finite(np.mean(comparison.results(algo).outside))
 
 
 def _agents(name: str) -> dict[str, tuple[dict[str, Any], Any]]:
@@ -136,8 +136,8 @@ def _against_simple(results: EpisodeResults, simple: EpisodeResults, dimension: 
         "belief": named("percent", "ci", against(results.cost, simple.cost)),
         "truth": named("percent", "ci", against(results.squared_error, simple.squared_error)),
         "nees": {**named("mean", "ci", found.nees), "flag": found.flag},
-        "lost": statistics.average(results.lost),
-        "outside": statistics.average(results.outside),
+        "lost": statistics.finite(np.mean(results.lost)),
+        "outside": statistics.finite(np.mean(results.outside)),
     }
 
 

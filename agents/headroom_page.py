@@ -12,15 +12,10 @@ from typing import Any
 from agents import blocks
 from wavegym.core.command_line import guarded
 from wavegym.core.errors import InputError
+from wavegym.core.files import write_whole
 from wavegym.evaluation.comparison import BASELINE
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.planner_sweep import LIMITS, best_by_limit, limit_name
 from wavegym.evaluation.table import (
-    CONSISTENCY,
-    Table,
-    columns,
-    consistency_row,
-    consistency_title,
     decimal,
     flagged,
     interval,
@@ -28,8 +23,8 @@ from wavegym.evaluation.table import (
     order_sentence,
     signed,
     tabulated,
+    three_tables,
     titled,
-    truth_title,
 )
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.tuned_constants import PLANNER, SIMPLE
@@ -125,11 +120,7 @@ def chapter(result: dict[str, Any]) -> str:
         for name, row in sorted(result["policies"].items(), key=lambda item: -item[1]["mean"])
     }
     title = f"## {_short(result)}: {result['worlds']} worlds of {result['horizon']} steps"
-    shown = [
-        Table("Cost by belief", columns(BELIEF, policies, _belief_row)),
-        Table(truth_title(result["in_gospa"]), columns(TRUTH, policies, _truth_row)),
-        Table(consistency_title(result["nees_dimension"]), columns(CONSISTENCY, policies, consistency_row)),
-    ]
+    shown = three_tables(result, policies, (BELIEF, _belief_row), (TRUTH, _truth_row))
     parts = [title, *map(titled, shown), order_sentence(result["reversals"]), _recovered(result)]
     return "\n\n".join(filter(None, parts))
 

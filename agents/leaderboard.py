@@ -21,16 +21,16 @@ from agents.timing import ALONE, decisions_us
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
+from wavegym.core.files import write_whole
 from wavegym.core.work import add_worker_options, workers
 from wavegym.core.worlds import word
 from wavegym.evaluation import compare, full_id, make_task, statistics
+from wavegym.evaluation.adapters import AGENTS, SAVED
 from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.consistency import consistency, reversals
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.play import EpisodeResults
 from wavegym.evaluation.report import TABLE, compressed, read_results
-from wavegym.evaluation.saved import AGENTS, SAVED
 from wavegym.evaluation.table import (
     decimal,
     estimated,
@@ -176,7 +176,7 @@ def scores(e: Entry) -> str:
     better = [name for name in order if (ci := by_belief[name].ci) is not None and ci[1] < 0.0]
     rows = []
     for name in order:
-        mean = number(statistics.average(e.by_policy[name].cost))
+        mean = number(statistics.finite(np.mean(e.by_policy[name].cost)))
         rows.append([shown_as[name], mean, *estimated(by_belief[name]), *estimated(e.error_against(name, SIMPLE))])
     head = ["policy", "mean cost", "cost %", "95 %", "squared error by truth %", "95 %"]
     best = shown_as[next(iter(better), SIMPLE)]
@@ -200,7 +200,8 @@ def errors(entries: Sequence[Entry]) -> str:
     played = (SIMPLE, PLANNER, *AGENTS)
     rows = []
     for e in entries:
-        lost = [decimal(statistics.average(e.by_policy[name].lost)) if name in e.by_policy else "" for name in played]
+        losses = [np.mean(e.by_policy[name].lost) if name in e.by_policy else np.nan for name in played]
+        lost = [decimal(statistics.finite(loss)) for loss in losses]
         rows.append([_short(e), *_against_simple(e, Entry.error_against), *lost])
     head = ["environment", "myopic", *COMPARED, "lost: best-simple", "planner", "PPO", "DQN"]
     return tabulated(head, rows)
@@ -266,7 +267,7 @@ def medians(entries: Sequence[Entry]) -> str:
     for e in entries:
         simple = e.by_policy[SIMPLE].cost
         ratios = {name: e.by_policy[name].cost / simple for name in (PLANNER, *AGENTS) if name in e.by_policy}
-        found = {name: statistics.median(100.0 * (ratio - 1.0)) for name, ratio in ratios.items()}
+        found = {name: statistics.finite(np.median(100.0 * (ratio - 1.0))) for name, ratio in ratios.items()}
         rows.append([_short(e), *(signed(found[name]) if name in found else "" for name in (PLANNER, *AGENTS))])
     return tabulated(["environment", "median: best planner", "PPO", "DQN"], rows)
 

@@ -25,13 +25,12 @@ from agents.leaderboard import ROOT
 from agents.loads_page import AGENT, BASE, FOLDER, LOADS, SIMPLE, read_results, renew
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
+from wavegym.core.files import write_whole
 from wavegym.core.policy import Policy
 from wavegym.core.worlds import draw_worlds, word, world_seeds
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation import make_task, statistics
-from wavegym.evaluation.files import write_whole
-from wavegym.evaluation.play import Played, play
-from wavegym.evaluation.task import Task
+from wavegym.evaluation.play import Played, Task, play
 from wavegym.policies.runs import load_policy
 from wavegym.schedulers import RandomChoice
 from wavegym.schedulers.heuristics.cma_search import Budget, searched_constants

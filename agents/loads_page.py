@@ -12,7 +12,7 @@ import numpy as np
 from agents import blocks
 from agents.leaderboard import ROOT
 from wavegym.core.arrays import Array
-from wavegym.evaluation.files import write_whole
+from wavegym.core.files import write_whole
 from wavegym.evaluation.picture import as_png
 from wavegym.evaluation.table import interval, number, signed, tabulated
 

@@ -22,12 +22,12 @@ from agents.leaderboard import ROOT
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
+from wavegym.core.files import write_whole
 from wavegym.core.worlds import word
 from wavegym.evaluation import compare, make_task, statistics
+from wavegym.evaluation.adapters import SAVED
 from wavegym.evaluation.comparison import BASELINE, Comparison
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.picture import as_png
-from wavegym.evaluation.saved import SAVED
 from wavegym.evaluation.table import interval, number, signed, tabulated
 from wavegym.policies.runs import load_policy
 

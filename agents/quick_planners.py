@@ -14,8 +14,8 @@ from pathlib import Path
 from agents import blocks
 from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, ROOT, against, play_and_renew
 from wavegym.core.command_line import Parser, guarded
+from wavegym.core.files import write_whole
 from wavegym.evaluation import compare, full_id, make_task
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.planner_sweep import Swept, best_within, made, read_sweep
 from wavegym.evaluation.report import TABLE, compressed, read_results

@@ -15,11 +15,11 @@ from typing import Any
 from agents import blocks
 from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, against, environment_of, play_and_renew, stage_of
 from wavegym.core.command_line import Parser, guarded
+from wavegym.core.files import write_whole
 from wavegym.evaluation import compare, full_id
-from wavegym.evaluation.files import write_whole
+from wavegym.evaluation.adapters import AGENTS, SAVED
 from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.report import TABLE, compressed, read_results
-from wavegym.evaluation.saved import AGENTS, SAVED
 from wavegym.evaluation.table import estimated, tabulated
 from wavegym.schedulers.tuned_constants import SIMPLE
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from agents.leaderboard import ROOT
 from wavegym.core.command_line import Parser, guarded
-from wavegym.evaluation.files import write_whole
+from wavegym.core.files import write_whole
 from wavegym.learning.observed import range_in_training
 from wavegym.policies.networks import RANGE_KEY, LearnedPolicy
 from wavegym.policies.runs import RUN, read_network, read_run

@@ -16,7 +16,7 @@ from agents.leaderboard import ROOT
 from wavegym.core.action_sets import quantity
 from wavegym.core.arrays import FloatArray
 from wavegym.core.command_line import Parser, guarded
-from wavegym.evaluation.files import write_whole
+from wavegym.core.files import write_whole
 from wavegym.evaluation.picture import as_png
 from wavegym.evaluation.table import tabulated
 from wavegym.sensors import EclipsedPulse, combined_interval

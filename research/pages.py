@@ -17,11 +17,11 @@ from agents import blocks
 from agents.leaderboard import HEADROOM, ROOT, entry, foresight, scores
 from research.benchmarks.steps import read as read_speeds
 from research.benchmarks.steps import table as speed_table
-from wavegym.core.build import load_object
 from wavegym.core.command_line import Parser, guarded
+from wavegym.core.files import write_whole
+from wavegym.core.registry import load_object
 from wavegym.envs.describe import describe, summary, table
 from wavegym.evaluation.comparison import BASELINE
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.report import TABLE
 from wavegym.evaluation.table import signed
 from wavegym.learning.settings import FILE, PPOSettings, load_settings

@@ -79,8 +79,8 @@ def record(
         worlds: number of worlds for each scheduler; the random one plays all, because its draws depend on their number.
         saved: number of worlds for each saved agent; 0 plays none.
     """
+    from wavegym.evaluation import make_task
     from wavegym.evaluation.play import play
-    from wavegym.evaluation.task import make_task
 
     draw_worlds, world_seeds = moved("draw_worlds"), moved("world_seeds")
     most, settings, listed = SLOW.get(name, (WORLDS, {}, POLICIES))

@@ -8,7 +8,7 @@ import matplotlib.colors as colours
 from matplotlib.figure import Figure
 
 from wavegym.envs import WaveformVectorEnv
-from wavegym.envs.scenes import make_scene
+from wavegym.envs.film import make_scene
 
 
 def played(system: Any, steps: int, seed: int = 0, actions: Any = None, num_envs: int = 1, **settings: Any) -> Any:

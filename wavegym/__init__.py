@@ -60,7 +60,7 @@ def load_agent(id: str, /, algo: str, **parameters: Any) -> Policy:
     Raises:
         InputError: no such agent, or one that does not fit the environment.
     """
-    from wavegym.evaluation.task import make_task
+    from wavegym.evaluation.play import make_task
     from wavegym.policies.runs import load_pretrained
 
     task = make_task(id, parameters)

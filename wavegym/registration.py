@@ -74,17 +74,29 @@ SYSTEMS = {
 }
 RECORDS: dict[str, Registration] = {}  # of every id that ``register`` was given
 
-# Of an environment, not its system.
-SHELL = (
-    "reward",
-    "forecasts",
-    "measurements",
-    "observation",
-    "render_mode",
-    "autoreset_mode",
-    "num_threads",
-    "scenario",
-)
+SETTINGS = {  # of every environment, with their meaning
+    "num_envs": "number of environments, of a vector environment",
+    "num_threads": "number of threads in which the environments of a vector environment advance, 1 by default; results "
+    "are the same bits for any number",
+    "reward": '"cost" (minus the cost: see Rewards), "log-cost" (minus its logarithm), "trace" (-trace(Lambda P), '
+    'summed over the targets), "error" (minus the squared true position error), "gospa" (minus the squared GOSPA '
+    'distance, where the info has it), a comparison with the myopic scheduler on the same world ("relative", '
+    '"relative-log", "relative-share", "relative-scaled"), or with another heuristic ("relative:best-simple"); or a '
+    "Reward of your own",
+    "render_mode": 'None or "rgb_array"',
+    "autoreset_mode": '"NextStep", "SameStep" or "Disabled", of a vector environment',
+    "truth": "parameters in which the world differs from what the tracker and the schedulers assume, by name, such as "
+    '{"q": 4.0}; the parameters that may differ are marked',
+    "measurements": "whether the info of a step holds what the sensors reported: `measured_z` and so on",
+    "observation": '"belief", or "measurements" for agents that remember: the time, the last action, the sensors\' own '
+    "settings and what they reported last; only some systems offer it",
+    "max_episode_steps": "truncate after this many steps, before the system's own end",
+    "forecasts": "append the expected outcome of each candidate, one step ahead, to the observation",
+    "scenario": "a TOML file with parameters and settings, of `gym.make` and `gym.make_vec`; keywords beside it win. "
+    "`wavegym describe ID --toml` writes one",
+}
+# Those among the parameters of a registration that its system does not take.
+SHELL = tuple(name for name in SETTINGS if name not in ("num_envs", "truth", "max_episode_steps"))
 PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 
 
@@ -153,8 +165,7 @@ def _check_system(system: Any, parameters: dict[str, Any]) -> None:
             raise InputError(f"system is {system!r}, expected 'package.module:Class'")
         return
     # NumPy and pydantic, which ``import wavegym`` does without.
-    from wavegym.core.build import build_system
-    from wavegym.core.system import System
+    from wavegym.core.system import System, build_system
 
     if not isinstance(system, System) and not (isinstance(system, type) and issubclass(system, System)):
         raise InputError(f"system is {system!r}, expected a System, its class, or 'package.module:Class'")

@@ -19,8 +19,8 @@ import numpy as np
 from wavegym.core import shortcuts
 from wavegym.core.arrays import Array
 from wavegym.core.worlds import draw_worlds, world_seeds
+from wavegym.evaluation.play import make_task
 from wavegym.evaluation.statistics import Estimate, of_worlds
-from wavegym.evaluation.task import make_task
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
 from wavegym.schedulers.tuned_constants import recorded

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from wavegym.evaluation.files import write_whole
+from wavegym.core.files import write_whole
 from wavegym.registration import SYSTEMS, stem
 
 

@@ -21,7 +21,7 @@ import wavegym
 from agents import blocks
 from research.benchmarks.figures import read_rows, renew_rows
 from wavegym.core.command_line import Parser, guarded
-from wavegym.evaluation.saved import SAVED
+from wavegym.evaluation.adapters import SAVED
 from wavegym.evaluation.table import tabulated
 from wavegym.policies.runs import RUN, environment_of, read_run
 from wavegym.registration import SYSTEMS, full_id, stem

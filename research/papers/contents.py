@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from wavegym.evaluation.files import csv_text
+from wavegym.core.files import csv_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -25,7 +25,7 @@ from agents.leaderboard import environment_of
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError
 from wavegym.core.work import Call, cluster, run_all
-from wavegym.evaluation.saved import SAVED
+from wavegym.evaluation.adapters import SAVED
 from wavegym.registration import SYSTEMS, full_id, stem
 from wavegym.schedulers.tuned_constants import SIMPLE
 

@@ -22,9 +22,9 @@ import numpy as np
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
-from wavegym.core.array_files import pack_arrays, unpack_arrays
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError, check_choice
+from wavegym.core.files import pack_arrays, unpack_arrays
 from wavegym.envs.scenario import scenario_differences, scenario_toml
 from wavegym.evaluation import compare, make_task
 from wavegym.evaluation.page import page

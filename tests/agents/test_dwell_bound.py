@@ -8,8 +8,7 @@ import torch
 
 from agents import dwell_bound
 from wavegym.core.worlds import draw_worlds, world_seeds
-from wavegym.evaluation.play import play
-from wavegym.evaluation.task import Task
+from wavegym.evaluation.play import Task, play
 from wavegym.schedulers.heuristics.timeline_rules import GainPerSecond
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 

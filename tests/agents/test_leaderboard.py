@@ -13,7 +13,7 @@ from runs_for_tests import ID
 from agents import leaderboard as leaderboard
 from agents import timing
 from wavegym.core.errors import InputError
-from wavegym.evaluation import compare, make_task, saved
+from wavegym.evaluation import adapters, compare, make_task
 from wavegym.evaluation.adapters import as_policies
 from wavegym.evaluation.play import EpisodeResults
 from wavegym.evaluation.report import compressed
@@ -37,7 +37,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     """Small runs in the places of the saved ones, and a ladder of four worlds."""
     for algo in ("ppo", "dqn"):
         shutil.copytree(unbroken[algo], tmp_path / "runs" / "KershawEvansPosition" / algo / "seed1")
-    for module in (leaderboard, saved):
+    for module in (leaderboard, adapters):
         monkeypatch.setattr(module, "SAVED", tmp_path / "runs")
     for name, folder in {"HEADROOM": "headroom", "LEADERBOARD": "leaderboard"}.items():
         (tmp_path / folder).mkdir()
@@ -184,7 +184,7 @@ def test_a_missing_ladder_is_named(folders: Path) -> None:
 
 def test_an_agent_that_is_not_there_is_named_with_the_way_to_have_it() -> None:
     with pytest.raises(InputError, match=r"none is saved for wavegym/None-v0, .*wavegym train None-v0 --algo ppo"):
-        saved.saved_agent("ppo", "wavegym/None-v0")
+        adapters.saved_agent("ppo", "wavegym/None-v0")
 
 
 def test_saved_agents_are_played_by_name(folders: Path) -> None:

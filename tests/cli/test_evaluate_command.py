@@ -3,7 +3,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import types
 from pathlib import Path
 
 import mistakes
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 
 import evaluate
+from wavegym.evaluation import adapters
 from wavegym.schedulers import Fixed
 
 ROOT = Path(evaluate.__file__).parent
@@ -112,7 +112,7 @@ def trained(monkeypatch):
         calls.append((folder, env_id, type(system).__name__))
         return [Fixed(int(number)) for number in folder.name.split("-")[1:]]
 
-    monkeypatch.setitem(sys.modules, "wavegym.policies.runs", types.SimpleNamespace(load_policy=load_policy))
+    monkeypatch.setattr(adapters, "load_policy", load_policy)
     return calls
 
 

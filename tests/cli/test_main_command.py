@@ -171,7 +171,7 @@ def test_export_takes_a_folder_or_an_agent_of_the_package(tmp_path, capsys):
 
 
 def test_evaluate_falls_back_to_the_agents_of_the_package(tmp_path, monkeypatch):
-    monkeypatch.setattr("wavegym.evaluation.saved.SAVED", tmp_path / "none")
+    monkeypatch.setattr("wavegym.evaluation.adapters.SAVED", tmp_path / "none")
     out = tmp_path / "out"
     given = ["KershawEvansPosition-v0", "--policies", "ppo", "--worlds", "2", "--jobs", "1", *SHORT]
     assert main(["evaluate", *given, "--out", str(out)]) == 0

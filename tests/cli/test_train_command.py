@@ -7,7 +7,7 @@ from runs_for_tests import ID, SMALL, arguments, assert_same_run
 
 import train
 from wavegym.cli import train as command
-from wavegym.core.toml import toml_value
+from wavegym.core.files import toml_value
 from wavegym.envs.scenario import scenario_toml
 from wavegym.evaluation import full_id
 

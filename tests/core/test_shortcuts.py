@@ -14,7 +14,7 @@ from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.core.shortcuts import KINDS, why_not
 from wavegym.core.traits import TRAITS, lacks_trait
-from wavegym.evaluation.task import make_task
+from wavegym.evaluation.play import make_task
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.lookahead import Lookahead
 from wavegym.schedulers.registry import make_policy

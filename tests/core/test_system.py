@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wavegym.core.worlds import draw_worlds
-from wavegym.evaluation.task import make_task
+from wavegym.evaluation.play import make_task
 from wavegym.registration import SYSTEMS
 
 

@@ -1,7 +1,11 @@
-"""Work for several processes: results in order, killed workers, orphans, and parts that are kept."""
+"""Work for several processes: results in order, killed workers, orphans, and parts that are kept.
+
+Options that choose where it runs, and their mistakes; test_ray_cluster.py has a Ray cluster itself.
+"""
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import signal
 import subprocess
@@ -10,6 +14,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+import joblib
 import numpy as np
 import pytest
 from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -17,7 +22,9 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from research.promises.faults import children, is_alive
 from wavegym.core import work
 from wavegym.core.arrays import Array
-from wavegym.core.work import Call, Parts, hidden_folder, kept_parts, run_all
+from wavegym.core.command_line import Parser
+from wavegym.core.errors import InputError
+from wavegym.core.work import Call, Parts, add_worker_options, hidden_folder, kept_parts, run_all, workers
 
 
 class Pair(NamedTuple):
@@ -166,3 +173,38 @@ def test_results_of_other_sources_are_not_used(tmp_path: Path, monkeypatch: pyte
         before = name()
         source.write_text("x = 2\n")
         assert name() != before
+
+
+def options(*given):
+    parser = Parser()
+    add_worker_options(parser, jobs=3)
+    return parser.read(given)
+
+
+def test_processes_are_the_default_and_leave_joblib_alone():
+    chosen = options()
+    assert (chosen.jobs, chosen.backend, chosen.address) == (3, "processes", None)
+    before = type(joblib.parallel.get_active_backend()[0])
+    with workers(chosen):
+        assert type(joblib.parallel.get_active_backend()[0]) is before
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (["--backend", "rey"], "--backend is 'rey', expected one of 'processes', 'ray'; did you mean 'ray'"),
+        (["--address", "auto"], "--address is 'auto', expected it with --backend ray only"),
+    ],
+)
+def test_mistakes_name_what_was_expected(given, words):
+    with pytest.raises(InputError, match=words), workers(options(*given)):
+        pytest.fail("the work began")
+
+
+@pytest.mark.skipif(importlib.util.find_spec("ray") is not None, reason="Ray is installed")
+def test_without_ray_the_extra_is_named():
+    with (
+        pytest.raises(InputError, match=r"needs Ray.*pip install 'wavegym\[ray\]'"),
+        workers(options("--backend", "ray")),
+    ):
+        pytest.fail("the work began")

@@ -14,8 +14,7 @@ from scene_plays import moment_of, played
 import wavegym
 from wavegym.core.system import ObservationField, State, System
 from wavegym.envs import WaveformEnv, WaveformVectorEnv
-from wavegym.envs.film import Film, headline
-from wavegym.envs.scenes import ObservationScene, make_scene
+from wavegym.envs.film import Film, ObservationScene, headline, make_scene
 from wavegym.registration import RECORDS
 from wavegym.rendering.maps import ellipse
 from wavegym.rendering.timelines import Timelines, draw_choices, draw_predicted

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 import wavegym
 from wavegym.core.errors import InputError
-from wavegym.envs.scenes import make_scene
+from wavegym.envs.film import make_scene
 from wavegym.registration import RECORDS
 from wavegym.systems.kershaw_evans.scene import LineOfSightScene
 from wavegym.systems.kershaw_evans.system import KershawEvans

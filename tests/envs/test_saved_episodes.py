@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import wavegym  # noqa: F401
-from wavegym.core.array_files import packed, unpacked
+from wavegym.core.files import packed, unpacked
 
 IDS = {
     "KershawEvansPosition": {"reward": "relative"},

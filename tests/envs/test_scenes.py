@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 from scene_plays import drawn, played
 
-from wavegym.envs.scenes import ObservationScene, make_scene
+from wavegym.envs.film import ObservationScene, make_scene
 from wavegym.evaluation import make_task
 from wavegym.registration import SYSTEMS
 from wavegym.rendering.looks import APART, Looks, LookScene, draw_looks, prepare_looks

@@ -14,7 +14,7 @@ from gymnasium import spaces
 
 from wavegym.core.errors import InputError
 from wavegym.envs.sb3 import SB3VecEnv
-from wavegym.evaluation import Factory, adapters, as_policy, compare, draw_worlds, make_task, saved, world_seeds
+from wavegym.evaluation import Factory, adapters, as_policy, compare, draw_worlds, make_task, world_seeds
 from wavegym.evaluation.play import play
 from wavegym.observations.observer import Observer
 from wavegym.schedulers import Fixed, Myopic
@@ -197,11 +197,11 @@ def test_a_file_that_is_no_saved_model_is_named(tmp_path):
 
 def test_agents_in_the_package_stand_in_for_those_of_the_repository(monkeypatch, tmp_path):
     folder = tmp_path / "packaged"
-    monkeypatch.setattr(saved, "pretrained_folder", lambda env_id, algo: folder if algo == "ppo" else None)
-    monkeypatch.setattr(saved, "SAVED", tmp_path / "nothing")
-    assert saved.saved_agent("ppo", ID) == folder
+    monkeypatch.setattr(adapters, "pretrained_folder", lambda env_id, algo: folder if algo == "ppo" else None)
+    monkeypatch.setattr(adapters, "SAVED", tmp_path / "nothing")
+    assert adapters.saved_agent("ppo", ID) == folder
     with pytest.raises(InputError, match="'dqn', of which none is saved"):
-        saved.saved_agent("dqn", ID)
+        adapters.saved_agent("dqn", ID)
 
 
 @pytest.fixture(scope="module")
@@ -237,7 +237,7 @@ def test_a_masked_model_of_sb3_contrib_is_saved_and_loaded(models, tmp_path):
 
 
 def test_a_folder_of_ours_is_an_agent(monkeypatch):
-    folder = saved.saved_agent("ppo", ID) / "seed0"
+    folder = adapters.saved_agent("ppo", ID) / "seed0"
     task = make_task(ID, {})
     same_play(as_policy(folder, task), as_policy(str(folder), task), task)
 

@@ -7,8 +7,7 @@ from evaluation_systems import Measured, Uneven
 
 from wavegym.core.traits import UnequalSteps
 from wavegym.evaluation import draw_worlds, make_task, world_seeds
-from wavegym.evaluation.play import merged, play
-from wavegym.evaluation.task import Task
+from wavegym.evaluation.play import Task, merged, play
 from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin, rollout
 
 SEEDS = world_seeds(0, "test", 40)

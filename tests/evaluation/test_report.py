@@ -1,3 +1,5 @@
+"""The files of a report; results are what was played, from memory, episodes.csv or a compressed table."""
+
 from __future__ import annotations
 
 import csv
@@ -5,6 +7,7 @@ import errno
 import json
 import os
 import resource
+from pathlib import Path
 
 import matplotlib.image
 import numpy as np
@@ -12,8 +15,8 @@ import pytest
 
 from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, make_task, summarise, write_report
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.play import play
+from wavegym.evaluation.report import TABLE, compressed, episodes, read_results
 from wavegym.schedulers import Fixed
 
 FILES = ["comparison.png", "episodes.csv", "report.html", "summary.json", "table.md"]
@@ -175,39 +178,30 @@ def test_a_full_disk_leaves_the_earlier_files_as_they_were(folder, comparison):
     assert {name: (folder / name).read_bytes() for name in sorted(os.listdir(folder))} == before
 
 
-def test_an_error_in_the_last_file_leaves_none_of_the_new_ones(tmp_path, monkeypatch):
-    write_whole(tmp_path, {"a": b"old", "b": b"old"})
-    flushed = []
-
-    def flush(descriptor):
-        flushed.append(descriptor)
-        if len(flushed) == 2:
-            raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", flush)
-    with pytest.raises(OSError, match=r"No space left on device.*b'"):
-        write_whole(tmp_path, {"a": b"new", "b": b"new"})
-    assert {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)} == {"a": b"old", "b": b"old"}
-
-
-@pytest.mark.parametrize("blocked", ["a", "b"])
-def test_a_folder_in_the_way_is_named_and_nothing_is_written(tmp_path, blocked):
-    other = {"a": "b", "b": "a"}[blocked]
-    (tmp_path / other).write_bytes(b"old")
-    (tmp_path / blocked).mkdir()
-    with pytest.raises(InputError, match=f"{blocked} is a folder, expected a file or nothing") as caught:
-        write_whole(tmp_path, {"a": b"new", "b": b"new"})
-    assert ".part" not in str(caught.value)
-    assert sorted(os.listdir(tmp_path)) == ["a", "b"]
-    assert (tmp_path / other).read_bytes() == b"old"
+def test_a_file_holds_every_figure(tmp_path: Path) -> None:
+    comparison = compare("tests/Measured-v0", {"learner": [Fixed(0), Fixed(1)]}, worlds=6, jobs=1, progress=False)
+    file, table = tmp_path / "episodes.csv", tmp_path / f"learner{TABLE}"
+    file.write_text(episodes(comparison))
+    table.write_bytes(compressed(comparison.by_policy()))
+    assert compressed(read_results(file)) == compressed(read_results(table)) == table.read_bytes()
+    read = read_results(table)
+    assert list(read) == ["myopic", "learner"]
+    for name, results in read.items():
+        own = comparison.results(name)
+        for field, values in results._asdict().items():
+            np.testing.assert_array_equal(values, getattr(own, field), err_msg=field)
+    assert read["learner"].cost.shape == (2, 6)
+    np.testing.assert_array_equal(read["myopic"].squared_error, read["myopic"].gospa ** 2)
 
 
-def test_an_error_in_taking_a_name_names_the_destination(tmp_path, monkeypatch):
-    def refuse(part, path):
-        raise PermissionError(errno.EACCES, "Permission denied", str(part), None, str(path))
+def test_an_older_file_lacks_what_was_not_recorded(tmp_path: Path) -> None:
+    file = tmp_path / "episodes.csv"
+    file.write_text("policy,member,world,seed,steps,cost,rmse,nees,lost\nmyopic,0,0,7,5,2.0,3.0,4.0,\n")
+    results = read_results(file)["myopic"]
+    assert (results.cost.item(), results.squared_error.item(), results.nees.item()) == (2.0, 9.0, 4.0)
+    assert np.isnan([results.believed_rmse, results.gospa, results.lost]).all()
 
-    monkeypatch.setattr(os, "replace", refuse)
-    with pytest.raises(PermissionError) as caught:
-        write_whole(tmp_path, {"a": b"new"})
-    assert caught.value.filename == str(tmp_path / "a")
-    assert os.listdir(tmp_path) == []
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none\.csv is missing, expected it from `make headroom`"):
+        read_results(tmp_path / "none.csv")

@@ -13,10 +13,9 @@ from two_sensors import TwoSensors
 import wavegym
 from wavegym.core import trees
 from wavegym.evaluation import compare, summarise, world_seeds
-from wavegym.evaluation.play import play
+from wavegym.evaluation.play import Task, play
 from wavegym.evaluation.report import episodes
 from wavegym.evaluation.table import markdown
-from wavegym.evaluation.task import Task
 from wavegym.schedulers import Fixed, Myopic, RoundRobin
 
 ID = "tests/TwoSensors-v0"

@@ -105,7 +105,6 @@ def test_what_the_estimates_are(values, factor):
         100 * (gmean(values / baseline[0], axis=None) - 1), rel=1e-9, abs=1e-9
     )
     assert statistics.interquartile_mean(values) == pytest.approx(trim_mean(values, 0.25, axis=None), rel=1e-12)
-    assert statistics.median(values) == np.median(values)
     assert statistics.mean(values, rng()).value == pytest.approx(values.mean(), rel=1e-12)
     assert values.min() * (1 - 1e-12) <= statistics.mean(values, rng()).ci[0]
 
@@ -167,7 +166,7 @@ def test_degenerate_samples_give_none_or_width_zero_and_no_warning(members):
     assert broken == (None, None)
     assert two.value == 2.0
     assert inside(2.0, two.ci)
-    assert statistics.median(np.full((1, 3), np.nan)) is None
+    assert statistics.finite(np.median(np.full((1, 3), np.nan))) is None
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from small_systems import Burner, Tank
 
 from wavegym.core.errors import InputError
 from wavegym.integrations.minari import collect, load, stored_in
-from wavegym.integrations.minari.returns import ReturnsOfAll
+from wavegym.integrations.minari.collect import ReturnsOfAll
 from wavegym.schedulers import Fixed
 
 SHORT = {"horizon": 6}

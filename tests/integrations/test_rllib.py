@@ -16,8 +16,7 @@ from test_docs_how_to import run
 
 from wavegym.core.errors import InputError
 from wavegym.evaluation import compare
-from wavegym.integrations.ray import register_envs
-from wavegym.integrations.ray.rllib import make
+from wavegym.integrations.ray import make, register_envs
 
 MASKED = "wavegym/EnergyBudgetKnown-v0"
 SCRIPT = Path(__file__).parents[2] / "examples" / "rllib" / "ppo.py"

@@ -11,7 +11,7 @@ import pytest
 PROGRAM = """
 import resource
 import torch
-from wavegym.learning.memory import keep_freed_memory
+from wavegym.learning.train import keep_freed_memory
 
 keep_freed_memory()
 for _ in range(20):  # at first small blocks may come between large ones

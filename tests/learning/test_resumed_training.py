@@ -16,8 +16,8 @@ import pytest
 from runs_for_tests import EVERY, arguments, assert_same_run, small_run
 
 import train as command
-from wavegym.core.array_files import packed, unpacked
 from wavegym.core.errors import InputError
+from wavegym.core.files import packed, unpacked
 from wavegym.learning import callbacks as callback
 from wavegym.learning import imitation
 from wavegym.learning import train as learn

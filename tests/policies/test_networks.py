@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from runs_for_tests import ENVIRONMENT, EVERY, ID, SMALL, small_run
 
-from wavegym.core.array_files import pack_arrays, unpack_arrays
 from wavegym.core.errors import InputError, InputWarning
+from wavegym.core.files import pack_arrays, unpack_arrays
 from wavegym.core.policy import Trained
 from wavegym.envs import WaveformVectorEnv
 from wavegym.evaluation import compare, make_task

@@ -10,7 +10,7 @@ from research import pages as module
 from research.benchmarks.steps import read
 from research.pages import FOLDER, main, page
 from wavegym.envs.describe import describe
-from wavegym.evaluation.task import make_task
+from wavegym.evaluation.play import make_task
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.tuned_constants import recorded
 

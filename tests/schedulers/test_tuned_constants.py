@@ -12,7 +12,7 @@ from delay_systems import DelaySystem, delay_worlds
 
 from wavegym.core.errors import InputError
 from wavegym.evaluation import planner_sweep, tune_constants
-from wavegym.evaluation.task import Task
+from wavegym.evaluation.play import Task
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers import rollout, tuned_constants
 from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE

@@ -18,7 +18,7 @@ from wavegym.core import shortcuts, trees
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import parameter_infos
 from wavegym.envs import WaveformVectorEnv
-from wavegym.evaluation.task import make_task
+from wavegym.evaluation.play import make_task
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.registry import make_policy
 from wavegym.testing import check_vector_env

@@ -18,7 +18,7 @@ import pytest
 
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import make_checked
-from wavegym.evaluation.task import make_task
+from wavegym.evaluation.play import make_task
 from wavegym.registration import SYSTEMS
 
 FACTORS = (1e9, 1e5, 1e-5, 1e-9)

@@ -11,7 +11,7 @@ from numba.core.dispatcher import Dispatcher
 
 from wavegym.core import trees
 from wavegym.core.worlds import draw_worlds
-from wavegym.evaluation.task import make_task
+from wavegym.evaluation.play import make_task
 from wavegym.registration import SYSTEMS
 
 WORLDS, FEW = 2, 3

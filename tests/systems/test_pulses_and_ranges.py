@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from wavegym.core.errors import InputError
+from wavegym.core.system import build_system
 from wavegym.core.traits import TimedPulses
 from wavegym.core.worlds import draw_worlds, world_seeds
-from wavegym.envs.build import build_system
 from wavegym.envs.describe import describe, target_extent
-from wavegym.evaluation.task import make_task
+from wavegym.evaluation.play import make_task
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.registry import make_policy
 from wavegym.sensors import range_and_rate_jacobian, range_law_snr

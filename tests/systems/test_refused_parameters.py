@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wavegym.core.errors import InputError
-from wavegym.evaluation.task import make_task
+from wavegym.evaluation.play import make_task
 
 FOUR = (0.0,) * 4
 REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavegym.core.errors import InputError
-from wavegym.evaluation.task import make_task
+from wavegym.evaluation.play import make_task
 from wavegym.systems.visibility_windows import alternating_windows, coming, given_windows, window_draws
 
 SHOWN, HIDDEN = (6, 14), (4, 10)

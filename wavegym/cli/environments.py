@@ -12,7 +12,7 @@ from wavegym.registration import full_id, list_envs
 
 if TYPE_CHECKING:
     from wavegym.core.system import System
-    from wavegym.evaluation.task import Task
+    from wavegym.evaluation.play import Task
 
 ENVIRONMENT = "id of the environment, with or without wavegym/; or a scenario file, FILE.toml, that names its id"
 EXAMPLES = {"K": "0", "H": "2", "L": "2", "W": "2", "N": "1", "M": "1"}  # for the capital letters of the names
@@ -104,7 +104,7 @@ def policies(arguments: Sequence[str]) -> None:
 def listed(task: Task) -> Iterator[tuple[str, str, str]]:
     """Every name with its meaning, and why it does not apply; "" where it does. Nothing is tuned."""
     from wavegym.core import shortcuts
-    from wavegym.evaluation.saved import AGENTS
+    from wavegym.evaluation.adapters import AGENTS
     from wavegym.schedulers.registry import MEANINGS, SCHEDULERS
 
     for name, meaning in MEANINGS.items():

@@ -1,4 +1,4 @@
-"""The subcommand ``evaluate``: compare policies, trained ones included, on the same worlds."""
+"""The subcommands ``evaluate``, which compares policies, and ``submit``, which plays a submission to the board."""
 
 from __future__ import annotations
 
@@ -97,13 +97,13 @@ def policies(names: str) -> dict[str, Any]:
     Raises:
         InputError: two policies of one name, or none at all.
     """
-    from wavegym.evaluation.saved import is_archive, is_folder, is_onnx
+    from wavegym.evaluation.adapters import is_folder
     from wavegym.schedulers.registry import is_scheduler
 
     found: dict[str, Any] = {}
     for name in filter(None, (part.strip() for part in names.split(","))):
         key, source = name, None
-        is_file = is_archive(name) or is_onnx(name)
+        is_file = name.endswith((".zip", ".onnx"))
         if not is_scheduler(name) and (is_file or is_folder(name)):
             source = Path(name)
             key = source.stem if is_file else source.resolve().name
@@ -136,6 +136,35 @@ def evaluate(arguments: Sequence[str] | None) -> None:
         comparison = compare(env_id, chosen, jobs=options.jobs, keep=options.out, **common, **parameters)
     print(write_report(comparison, options.out))
     print(f"\nwritten to {options.out}: {', '.join(files)}")
+
+
+def submit_parser() -> Parser:
+    """The options of ``submit``."""
+    options = Parser(prog="wavegym submit", description="Play a submission to the board against best-simple.")
+    options.add_argument("folder", type=Path, metavar="FOLDER", help="folder with submission.toml and policies")
+    options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the record, NAME.json")
+    options.add_argument(
+        "--worlds", type=int, default=100, metavar="N", help="worlds of each environment (default: 100)"
+    )
+    seed = "seed of the test worlds (default: 0; the board draws its own at each release)"
+    options.add_argument("--seed", type=int, default=0, metavar="S", help=seed)
+    add_worker_options(options)
+    return options
+
+
+def submit(arguments: Sequence[str]) -> None:
+    """Play, write the record, print the table."""
+    options = submit_parser().read(arguments)
+    from wavegym.evaluation.submission import play_submission, read_record, read_submission, table
+
+    submission = read_submission(options.folder)
+    with workers(options):
+        for env_id in play_submission(
+            submission, options.out, seed=options.seed, worlds=options.worlds, jobs=options.jobs
+        ):
+            print(f"played {env_id}", flush=True)
+    file = options.out / f"{submission.name}.json"
+    print(f"\n{table(read_record(file))}\n\nwritten to {file}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -35,10 +35,10 @@ COMMANDS = {
     "play": Command("play one episode with a policy; optionally write a GIF", "play", "play"),
     "train": Command("train an agent (extra: agents)", "train", "train"),
     "evaluate": Command("compare policies on the same worlds", "evaluate", "evaluate"),
-    "submit": Command("play a submission to the board", "export", "submit"),
+    "submit": Command("play a submission to the board", "evaluate", "submit"),
     "tracks": Command("show what is in a recording of targets", "tracks", "tracks"),
     "dataset": Command("write episodes of a policy as a Minari dataset (extra: minari)", "play", "dataset"),
-    "export": Command("write an agent as an ONNX file (extra: onnx)", "export", "export"),
+    "export": Command("write an agent as an ONNX file (extra: onnx)", "train", "export"),
 }
 
 

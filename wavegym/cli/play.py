@@ -11,7 +11,6 @@ import numpy as np
 from wavegym.cli.environments import environment_parser, read_environment
 from wavegym.core.command_line import Parser
 from wavegym.core.errors import InputError, check_int
-from wavegym.core.policy import Clairvoyant
 
 FRAME_MS = 200  # how long a GIF shows each step
 
@@ -67,23 +66,18 @@ def _policy(name: str, task: Any, seed: int) -> Any:
 
 def _episode(task: Any, policy: Any, seed: int, draw: bool) -> tuple[list[float], list[Any]]:
     """Costs after each step, and a frame at its beginning and after each step if ``draw``."""
-    from wavegym.core.worlds import word
     from wavegym.envs import WaveformVectorEnv
-    from wavegym.schedulers.rollout import allowed
 
     env = WaveformVectorEnv(
         task.system, 1, max_episode_steps=task.max_episode_steps, render_mode="rgb_array" if draw else None
     )
-    observation, _ = env.reset(seed=[seed])
-    policy.begin(task.system, 1, np.random.default_rng([word("policy"), seed]))
-    if isinstance(policy, Clairvoyant):
-        policy.reveal(env.world)
+    env.reset(seed=[seed])
+    choose = env.policy(policy, seed)
     costs: list[float] = []
     frames = [env.render()[0]] if draw else []  # type: ignore[index]
     ended = False
     while not ended:
-        action = policy.act(env.belief, observation, allowed(task.system, env.belief))
-        observation, _, terminated, truncated, info = env.step(action)
+        _, _, terminated, truncated, info = env.step(choose())
         costs.append(float(info["cost"][0]))
         frames += [env.render()[0]] if draw else []  # type: ignore[index]
         ended = bool(terminated[0] or truncated[0])

@@ -84,8 +84,8 @@ def report(file: Path, found: Sequence[RecordedTrack], summaries: Sequence[Track
     lines = [f"{file}: {total} reports, {used} used, {len(found)} {noun}, {_frame(found[0])}", ""]
     lines += [tabulated(list(HEAD), [_row(summary) for summary in summaries]), ""]
     lines += [f"dropped: {count} for {reason} ({MEANING[reason]})" for reason, count in _reasons(summaries).items()]
-    cuts = sum(s.gaps for s in summaries)
-    lines.append(f"cut at {cuts} gap{'' if cuts == 1 else 's'}; the longest piece lasts {_longest(summaries):g} s")
+    cuts, longest = sum(s.gaps for s in summaries), max(s.longest_piece for s in summaries)
+    lines.append(f"cut at {cuts} gap{'' if cuts == 1 else 's'}; the longest piece lasts {longest:g} s")
     flat = sum(not s.height_known for s in summaries)
     if flat:
         lines.append(f"without any height: {flat} of {len(summaries)} tracks, which lie at height 0")
@@ -107,10 +107,6 @@ def _reasons(summaries: Sequence[TrackSummary]) -> dict[str, int]:
     """Reports left out of all tracks, by reason."""
     totals = {reason: sum(s.dropped.get(reason, 0) for s in summaries) for reason in MEANING}
     return {reason: count for reason, count in totals.items() if count}
-
-
-def _longest(summaries: Sequence[TrackSummary]) -> float:
-    return max(summary.longest_piece for summary in summaries)
 
 
 def _frame(track: RecordedTrack) -> str:
@@ -149,7 +145,7 @@ def _time(seconds: float) -> str:
 def _write(
     folder: Path, found: Sequence[RecordedTrack], summaries: Sequence[TrackSummary], max_gap: float | None
 ) -> None:
-    from wavegym.evaluation.files import csv_text, write_whole
+    from wavegym.core.files import csv_text, write_whole
 
     fields = [name for name in summaries[0]._fields if name != "dropped"]
     head = [*fields, *(reason.replace(" ", "_") for reason in MEANING)]
@@ -163,10 +159,10 @@ def _write(
 
 def _picture(found: Sequence[RecordedTrack], summaries: Sequence[TrackSummary], max_gap: float | None) -> bytes:
     """The paths from above, and the speeds over time."""
-    import io
-
     import numpy as np
     from matplotlib.figure import Figure
+
+    from wavegym.evaluation.picture import as_png
 
     figure = Figure(figsize=(11.0, 5.0), layout="constrained")
     above, along = figure.subplots(1, 2)
@@ -184,6 +180,4 @@ def _picture(found: Sequence[RecordedTrack], summaries: Sequence[TrackSummary], 
     above.set(xlabel="x or east, km", ylabel="y or north, km", title="reports and smoothed paths; triangle: origin")
     above.set_aspect("equal", adjustable="datalim")
     along.set(xlabel="time since the first report, min", ylabel="speed, m/s", title="speed of the smoothed paths")
-    image = io.BytesIO()
-    figure.savefig(image, format="png", dpi=110)
-    return image.getvalue()
+    return as_png(figure)

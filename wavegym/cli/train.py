@@ -1,4 +1,4 @@
-"""The subcommand ``train``: train an agent.
+"""The subcommands ``train``, which trains an agent, and ``export``, which writes one as an ONNX file.
 
     wavegym train KershawEvansPosition-v0 --algo ppo --seed 0 --out runs/ppo/seed0
 
@@ -18,10 +18,11 @@ from typing import Any
 from wavegym.cli.environments import environment_parser, read_environment
 from wavegym.core.command_line import Parser, guarded, named_values
 from wavegym.core.errors import InputError, check_choice, nearest
+from wavegym.core.files import read_toml
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.registry import import_package
-from wavegym.core.toml import read_toml
 from wavegym.core.work import add_worker_options, workers
+from wavegym.registration import NAMESPACE
 
 
 def parser() -> Parser:
@@ -139,6 +140,37 @@ def _settings_of(file: Path | None, env_id: str, algo: str) -> dict[str, Any]:
     if not isinstance(own, dict) or not isinstance(own.get(algo), dict):
         raise InputError(f'settings {str(file)!r} has no table, expected ["{env_id}".{algo}]{nearest(env_id, tables)}')
     return dict(own[algo])
+
+
+def export_parser() -> Parser:
+    """The options of ``export``."""
+    options = Parser(prog="wavegym export", description="Write an agent as an ONNX file.")
+    known = "folder of a finished run, or ENV/ALGO of an agent that comes with the package: RfEo-v0/ppo"
+    options.add_argument("policy", metavar="POLICY", help=known)
+    options.add_argument("--onnx", type=Path, required=True, metavar="FILE", help="the file to write")
+    return options
+
+
+def export(arguments: Sequence[str]) -> None:
+    """Export and print the path of the file."""
+    options = export_parser().read(arguments)
+    from wavegym.policies.onnx_files import export_onnx
+
+    export_onnx(_folder(options.policy), options.onnx)
+    print(f"written to {options.onnx}")
+
+
+def _folder(policy: str) -> Path:
+    if Path(policy).is_dir():
+        return Path(policy)
+    from wavegym.policies.runs import pretrained_folder
+
+    env_id, _, algo = policy.removeprefix(NAMESPACE).rpartition("/")
+    folder = pretrained_folder(NAMESPACE + env_id, algo)
+    if folder is None:
+        wanted = "the folder of a run, or ENV/ALGO such as RfEo-v0/ppo"
+        raise InputError(f"policy is {policy!r}, neither a folder nor an agent of the package, expected {wanted}")
+    return folder
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -265,8 +265,10 @@ def sensor_count(actions: FiniteSet) -> int:
     return actions.sensors if isinstance(actions, (PerSensorLibrary, JointLibrary)) else 1
 
 
-def waveform_labels(actions: FiniteSet) -> tuple[str, ...]:
-    """The labels of one sensor's waveforms."""
+def waveform_labels(actions: ActionSet) -> tuple[str, ...]:
+    """The labels of one sensor's waveforms; () for a box."""
+    if isinstance(actions, ParameterBox):
+        return ()
     return actions.library.labels if isinstance(actions, JointLibrary) else actions.labels
 
 

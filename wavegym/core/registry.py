@@ -1,4 +1,4 @@
-"""Parts known by name: those of this package, those that other packages register, and those of entry points."""
+"""Parts by name: of this package, of other packages, of entry points; and any object by its place."""
 
 from __future__ import annotations
 
@@ -85,3 +85,22 @@ def import_package(name: str) -> None:
         importlib.import_module(name)
     except (ImportError, ValueError) as error:  # ValueError: an empty name
         raise InputError(f"package is {name!r}, expected an importable one: {error}") from error
+
+
+def load_object(what: str, place: str) -> Any:
+    """The object at ``"package.module:name"``.
+
+    Args:
+        what: the object's part, for an error, such as ``"system"``.
+        place: where it is.
+
+    Raises:
+        InputError: no such module or name.
+    """
+    module, _, name = place.partition(":")
+    if not name:
+        raise InputError(f"{what} is {place!r}, expected 'package.module:Class'")
+    try:
+        return getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"{what} is {place!r}, which cannot be loaded: {error}") from None

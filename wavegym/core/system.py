@@ -23,7 +23,7 @@ faster.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
@@ -33,6 +33,7 @@ from wavegym.core.action_sets import ActionSet, ParameterBox, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, nearest
 from wavegym.core.parameters import make_checked, parameter_infos
+from wavegym.core.registry import load_object
 from wavegym.core.shortcuts import fused_transition
 
 
@@ -259,3 +260,26 @@ class System:
         if isinstance(actions, ParameterBox):
             raise NotImplementedError
         return actions.combinations() if isinstance(actions, PerSensorLibrary) else np.arange(len(actions.labels))
+
+
+def build_system(system: System | type[System] | str, parameters: dict[str, Any], beside: Iterable[str] = ()) -> System:
+    """A system with these parameters, built from its class, ``"package.module:Class"`` or another system.
+
+    Args:
+        system: what to build.
+        parameters: by name.
+        beside: other names that are valid in the same place; the error may suggest one of them.
+
+    Raises:
+        InputError: no such class, an unknown parameter (nearest named) or a value out of range.
+    """
+    kind: Any = load_object("system", system) if isinstance(system, str) else system
+    if isinstance(system, System):
+        if not parameters:
+            return system
+        kind = type(system)
+        own = {field.name: getattr(system, field.name) for field in dataclasses.fields(system) if field.init}
+        parameters = {**own, **parameters}
+    made: System = make_checked(kind, parameters, beside=beside)
+    made.truth_model  # noqa: B018  (an invalid truth is reported here)
+    return made

@@ -23,8 +23,8 @@ import joblib
 from joblib import Parallel, delayed
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from wavegym.core.array_files import packed, unpacked
 from wavegym.core.errors import InputError, check_choice
+from wavegym.core.files import packed, unpacked
 
 WATCHED_EVERY = 0.5  # s between two looks of a worker at its parent
 PACKAGE = Path(__file__).parents[1]
@@ -51,25 +51,22 @@ class Parts:
         self.folder, self.kind = folder, kind
 
     def key(self, call: Call) -> str:
-        """What distinguishes a call from all others. Compute it before the call, which may change its arguments."""
-        return str(joblib.hash((call.function.__qualname__, call.arguments)))
+        """The file of a call. Compute it before the call, which may change its arguments."""
+        return f"{joblib.hash((call.function.__qualname__, call.arguments))}.npz"
 
     def get(self, key: str) -> Any:
         """The result of the call; None if there is none, or a torn file."""
         with suppress(OSError, ValueError, TypeError):
-            return self.kind(**unpacked(self._file(key).read_bytes()))
+            return self.kind(**unpacked((self.folder / key).read_bytes()))
         return None
 
     def put(self, key: str, result: Any) -> None:
         """Keep a result. A file that cannot be written is no loss: the call is then made again."""
-        part = self._file(key).with_suffix(".part")
+        part = (self.folder / key).with_suffix(".part")
         with suppress(OSError):
             self.folder.mkdir(parents=True, exist_ok=True)
             part.write_bytes(packed(result._asdict()))
-            part.replace(self._file(key))
-
-    def _file(self, key: str) -> Path:
-        return self.folder / f"{key}.npz"
+            part.replace(self.folder / key)
 
 
 @contextmanager

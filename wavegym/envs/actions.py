@@ -41,7 +41,7 @@ class IndexReader:
         actions = system.actions
         assert not isinstance(actions, ParameterBox)
         self.system, self.count = system, len(actions.labels)
-        self._is_masked = system.strict and _has_mask(system)
+        self._is_masked = system.strict and type(system).mask is not System.mask
         self.shape: tuple[int, ...] = ()
         self.space: spaces.Space[Any] = spaces.Discrete(self.count)
         if isinstance(actions, PerSensorLibrary):
@@ -115,14 +115,10 @@ def action_reader(system: System) -> ActionReader:
         InputError: the system masks the actions of a PerSensorLibrary.
     """
     actions = system.actions
-    if isinstance(actions, PerSensorLibrary) and _has_mask(system):
+    if isinstance(actions, PerSensorLibrary) and type(system).mask is not System.mask:
         wanted = "none with a PerSensorLibrary: limits that couple sensors need the joint form, a JointLibrary"
         raise InputError(f"{type(system).__name__} has a mask of its own, expected {wanted}")
     return BoxReader(actions) if isinstance(actions, ParameterBox) else IndexReader(system)
-
-
-def _has_mask(system: System) -> bool:
-    return type(system).mask is not System.mask
 
 
 def _check_mask(chosen: Array, mask: Array, ignored: Array | None) -> None:

@@ -23,9 +23,8 @@ from wavegym.core.parameters import parameter_infos
 from wavegym.core.system import ObservationField, System
 from wavegym.core.traits import TimedPulses, UnequalSteps
 from wavegym.core.worlds import draw_worlds, world_seeds
-from wavegym.envs.build import SETTINGS
 from wavegym.observations.scaling import LIMIT
-from wavegym.registration import full_id
+from wavegym.registration import SETTINGS, full_id
 
 SECTIONS = ("Description", "Rewards", "Starting state", "Episode end")  # of a system's docstring
 INFO = {

@@ -20,8 +20,6 @@ from wavegym.envs.chunks import in_chunks
 from wavegym.envs.rewards import Reward, Transition
 from wavegym.observations.observer import MeasurementObserver, Observer
 
-OBSERVATIONS = ("belief", "measurements")
-
 Seed = int | Sequence[int | None] | NDArray[np.integer] | None
 
 Info = dict[str, Array]  # state info or transition info, each value (env, ...)
@@ -70,8 +68,8 @@ class Episodes:
         num_threads: number of threads in which the episodes advance.
 
     Raises:
-        InputError: measurements of a system that does not measure apart from tracking; another observation, or one
-            that the system does not have.
+        InputError: measurements of a system that does not measure apart from tracking; another observation, one
+            that the system does not have, or forecasts beside measurements.
     """
 
     def __init__(
@@ -88,7 +86,14 @@ class Episodes:
             wanted = f"False (nearest): {type(system).__name__} has no method measure"
             raise InputError(f"measurements is True, expected {wanted}")
         self.system, self.num_envs, self.reward, self.measurements = system, num_envs, reward, measurements
-        self.observer = make_observer(system, observation, forecasts)
+        self.observer: Observer | MeasurementObserver
+        if check_choice("observation", observation, ("belief", "measurements")) == "belief":
+            self.observer = Observer(system, forecasts)
+        elif forecasts:
+            wanted = "False: forecasts tell the belief"
+            raise InputError(f"forecasts is True with observation='measurements', expected {wanted}")
+        else:
+            self.observer = MeasurementObserver(system)
         self._threads = num_threads
         self._shown: Array | None = None  # by environment, what a MeasurementObserver shows
         self.generators: list[np.random.Generator | None] = [None] * num_envs
@@ -210,24 +215,6 @@ class Episodes:
 def _replaced(old: Array | None, rows: Array, new: Array) -> Array:
     """``old`` with the rows (bool, env) of ``new``; without ``old`` all of ``new``."""
     return new if old is None else np.where(rows[:, None], new, old)
-
-
-def make_observer(system: System, observation: str, forecasts: bool = False) -> Observer | MeasurementObserver:
-    """The object that makes the observations of an environment.
-
-    Args:
-        system: the closed loop.
-        observation: "belief" or "measurements".
-        forecasts: whether forecasts of each candidate follow the belief's fields.
-
-    Raises:
-        InputError: another observation, one that the system does not have, or forecasts beside measurements.
-    """
-    if check_choice("observation", observation, OBSERVATIONS) == "belief":
-        return Observer(system, forecasts)
-    if forecasts:
-        raise InputError("forecasts is True with observation='measurements', expected False: forecasts tell the belief")
-    return MeasurementObserver(system)
 
 
 def seed_list(seed: Seed, num_envs: int) -> list[int | None]:

@@ -252,12 +252,11 @@ def make_reward(reward: str | Reward) -> Reward:
         family, _, reference = reward.partition(":")
         if reference and family in RELATIVE:
             return Relative(reference, RELATIVE[family])  # type: ignore[arg-type]
-        made = REWARDS.get(reward)()
-        return _checked(made, f"reward {reward!r} is registered as a maker of {made!r}, expected one of an object")
-    return _checked(reward, f"reward is {reward!r}, expected one of {', '.join(REWARDS.names())} or an object")
-
-
-def _checked(reward: Any, complaint: str) -> Reward:
-    if not callable(reward) or not hasattr(reward, "begin") or isinstance(reward, type):
-        raise InputError(f"{complaint} with begin and __call__")
-    return reward
+    made: Any = REWARDS.get(reward)() if isinstance(reward, str) else reward
+    if callable(made) and hasattr(made, "begin") and not isinstance(made, type):
+        return made
+    if isinstance(reward, str):
+        complaint = f"reward {reward!r} is registered as a maker of {made!r}, expected one of an object"
+    else:
+        complaint = f"reward is {reward!r}, expected one of {', '.join(REWARDS.names())} or an object"
+    raise InputError(f"{complaint} with begin and __call__")

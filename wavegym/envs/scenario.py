@@ -2,7 +2,7 @@
 
 ``gym.make(id, scenario="file.toml")`` reads one, ``wavegym describe ID --toml`` writes one. A key is a parameter of the
 system, a setting of the environment, or ``id``; the table ``[truth]`` is the parameter ``truth``. Parameters are
-checked where all parameters are: in ``wavegym.core.build``.
+checked where all parameters are: in ``wavegym.core.system.build_system``.
 """
 
 from __future__ import annotations
@@ -15,13 +15,12 @@ from typing import Any, NamedTuple, get_args
 
 import gymnasium as gym
 
-from wavegym.core.build import load_object
 from wavegym.core.errors import InputError, nearest
+from wavegym.core.files import read_toml, toml_key, toml_value
 from wavegym.core.parameters import ParameterInfo, parameter_infos
-from wavegym.core.system import System
-from wavegym.core.toml import read_toml, toml_key, toml_value
-from wavegym.envs.build import SETTINGS, build_system
-from wavegym.registration import SHELL, full_id, registered_system
+from wavegym.core.registry import load_object
+from wavegym.core.system import System, build_system
+from wavegym.registration import SETTINGS, SHELL, full_id, registered_system
 
 ID, TRUTH = "id", "truth"
 # That a scenario may state, with the defaults.
@@ -88,18 +87,16 @@ def with_scenario(system: Any, registered: Mapping[str, Any], given: Mapping[str
     return merged
 
 
-def scenario_differences(env_id: str, file: Path | str | None) -> dict[str, Any]:
+def scenario_differences(env_id: str, file: Path | str) -> dict[str, Any]:
     """The parameters of the system in a scenario file that differ from those of the environment ``env_id``.
 
     Raises:
         InputError: see ``scenario_parameters``; a value out of range.
     """
-    if not file:
-        return {}
     system, registered = registered_system(env_id)
     own = {name: value for name, value in registered.items() if name not in SHELL}
     stated = {name: value for name, value in scenario_parameters(file, system).items() if name not in OWN_SETTINGS}
-    usual, changed = build_system(system, own), build_system(system, {**own, **stated})
+    usual, changed = (build_system(system, each, SETTINGS) for each in (own, {**own, **stated}))
     return {name: value for name, value in stated.items() if repr(getattr(usual, name)) != repr(getattr(changed, name))}
 
 

@@ -14,13 +14,13 @@ from wavegym.core import trees
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice, check_int
 from wavegym.core.policy import Policy
-from wavegym.core.system import System
+from wavegym.core.system import System, build_system
 from wavegym.envs.actions import action_reader
-from wavegym.envs.build import build_system
 from wavegym.envs.episodes import Episodes, Info, Seed, seed_list
 from wavegym.envs.policy_in_loop import PolicyInLoop
 from wavegym.envs.rewards import Reward, make_reward
 from wavegym.envs.scenario import with_scenario
+from wavegym.registration import SETTINGS
 
 PER_ENVIRONMENT = {"action_space": "single_action_space", "observation_space": "single_observation_space"}
 Stepped = tuple[Array, Array, Array, Array, dict[str, Any]]
@@ -36,7 +36,7 @@ class WaveformVectorEnv(VectorEnv):
     Args:
         system: the closed loop: a System, its class, or ``"package.module:Class"``.
         num_envs, reward, render_mode, autoreset_mode, max_episode_steps, forecasts, measurements, observation,
-            num_threads: the settings of every environment; ``wavegym.envs.build.SETTINGS`` holds their meaning, and
+            num_threads: the settings of every environment; ``wavegym.registration.SETTINGS`` holds their meaning, and
             ``wavegym.describe`` lists them.
         **parameters: the system's parameters.
 
@@ -61,11 +61,18 @@ class WaveformVectorEnv(VectorEnv):
         num_threads: int = 1,
         **parameters: Any,
     ) -> None:
-        self.system = build_system(system, parameters)
+        if "scenario" in parameters:
+            raise InputError("scenario is a setting of gym.make and gym.make_vec, expected it there")
+        self.system = build_system(system, parameters, SETTINGS)
         self.num_envs = check_int("num_envs", num_envs, 1)
         self.render_mode = None if render_mode is None else check_choice("render_mode", render_mode, ["rgb_array"])
-        self.max_episode_steps = _limit(max_episode_steps)
-        self.autoreset_mode = _mode(autoreset_mode)
+        limit = max_episode_steps
+        self.max_episode_steps = None if limit is None else check_int("max_episode_steps", limit, 1)
+        if isinstance(autoreset_mode, AutoresetMode):
+            wanted = f"the string {autoreset_mode.value!r}: specifications are kept as JSON"
+            raise InputError(f"autoreset_mode is {autoreset_mode}, expected {wanted}")
+        modes = [mode.value for mode in AutoresetMode]
+        self.autoreset_mode = AutoresetMode(check_choice("autoreset_mode", autoreset_mode, modes))
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.num_threads = check_int("num_threads", num_threads, 1)
         shown = forecasts, measurements, observation
@@ -148,7 +155,10 @@ class WaveformVectorEnv(VectorEnv):
             ClosedError: after ``close``.
         """
         self._check_open()
-        restarting = self._restarting()
+        restarting = self._ended if self._some_ended else None
+        if restarting is not None and self.autoreset_mode is AutoresetMode.DISABLED:
+            which = np.flatnonzero(restarting).tolist()
+            raise InputError(f"environments {which} have ended, expected a reset of them before step()")
         observation, reward, terminated, truncated, state_info, transition_info = self.transmit(actions, restarting)
         active = None
         if restarting is not None:
@@ -236,15 +246,6 @@ class WaveformVectorEnv(VectorEnv):
         assert self.episodes.state  # raises an InputError before the first reset
         return self._film.frames()
 
-    def _restarting(self) -> Array | None:
-        """The environments whose next step is a reset, (env,) bool; None without any."""
-        if not self._some_ended:
-            return None
-        if self.autoreset_mode is AutoresetMode.DISABLED:
-            which = np.flatnonzero(self._ended).tolist()
-            raise InputError(f"environments {which} have ended, expected a reset of them before step()")
-        return self._ended
-
     def _restart_now(self) -> tuple[Array, Info]:
         """SAME_STEP: begin new episodes where one has ended; returns observations and state info after that."""
         self.episodes.begin(self._ended)
@@ -288,18 +289,6 @@ def endings(system: System, belief: Any, max_episode_steps: int | None) -> tuple
     over = system.terminal(belief)
     late = belief.step >= max_episode_steps if max_episode_steps else np.zeros(len(over), np.bool_)
     return (over, late) if system.terminates else (np.zeros(len(over), np.bool_), over | late)
-
-
-def _mode(mode: str) -> AutoresetMode:
-    if isinstance(mode, AutoresetMode):
-        raise InputError(
-            f"autoreset_mode is {mode}, expected the string {mode.value!r}: specifications are kept as JSON"
-        )
-    return AutoresetMode(check_choice("autoreset_mode", mode, [m.value for m in AutoresetMode]))
-
-
-def _limit(max_episode_steps: int | None) -> int | None:
-    return None if max_episode_steps is None else check_int("max_episode_steps", max_episode_steps, 1)
 
 
 def _add_info(info: dict[str, Any], entries: dict[str, Array], rows: Array | None) -> None:

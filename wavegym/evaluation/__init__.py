@@ -16,9 +16,9 @@ from __future__ import annotations
 from wavegym.core.worlds import draw_worlds, training_seeds, world_seeds
 from wavegym.evaluation.adapters import Factory, as_policy
 from wavegym.evaluation.comparison import Comparison, compare
+from wavegym.evaluation.play import Task, make_task
 from wavegym.evaluation.report import write_report
 from wavegym.evaluation.summary import summarise
-from wavegym.evaluation.task import Task, make_task
 from wavegym.registration import full_id
 
 __all__ = [

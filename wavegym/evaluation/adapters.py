@@ -12,7 +12,9 @@
 from __future__ import annotations
 
 import difflib
+import importlib.util
 import inspect
+import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -25,15 +27,19 @@ from gymnasium import spaces
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Policy
+from wavegym.core.registry import load_object
 from wavegym.core.shortcuts import measured_fields
 from wavegym.core.system import System
 from wavegym.core.worlds import tuning_tapes
 from wavegym.envs.actions import action_reader
-from wavegym.evaluation import saved
-from wavegym.evaluation.task import Task, make_task
+from wavegym.evaluation.play import Task, make_task
 from wavegym.observations.observer import MeasurementObserver, Observer
+from wavegym.policies.runs import load_policy, pretrained_folder
+from wavegym.registration import PATH, stem
 from wavegym.schedulers.registry import is_scheduler, make_policy
 
+SAVED = Path(__file__).parents[2] / "results" / "runs"  # ENVIRONMENT/LEARNER/seedN, as agents.experiment makes them
+AGENTS = ("ppo", "dqn")
 TAKEN = "a Policy, a function of the observation, an object with predict, a folder, a name or a Factory"
 
 
@@ -70,7 +76,7 @@ def as_policy(
     named = name or (str(given) if isinstance(given, (str, Path)) else type(given).__name__)
     task = make_task(env, parameters) if isinstance(env, str) else env
     policies = as_policies(given, task, named, trust=trust)
-    if isinstance(given, str) and given in saved.AGENTS:
+    if isinstance(given, str) and given in AGENTS:
         policies = policies[:1]
     if len(policies) != 1:
         raise InputError(f"policy {named!r} has {len(policies)} training runs, expected one (nearest: compare, or the "
@@ -123,17 +129,20 @@ def _from_source(source: str | Path, task: Task, trust: bool, tapes: Any) -> lis
             return [make_policy(planner, system, _tapes(task, tapes), base=each) for each in bases]
         if is_named:
             return [make_policy(text, system, _tapes(task, tapes))]
-        if text in saved.AGENTS:
-            return saved.load_folder(saved.saved_agent(text, task.env_id), task.env_id, system)
-    if saved.is_onnx(text):
-        return [saved.load_onnx(Path(source))]
-    if saved.is_archive(text):
-        return as_policies(saved.load_archive(Path(source), trust), task, text)
-    if isinstance(source, Path) or saved.is_folder(text):
-        return saved.load_folder(Path(source), task.env_id, system)
-    if saved.is_code(text):
-        return as_policies(Factory(saved.load_code(text, trust)), task, text, trust=trust, tapes=tapes)
-    if close := difflib.get_close_matches(text.lower(), saved.AGENTS, n=1, cutoff=0.6):
+        if text in AGENTS:
+            return load_policy(saved_agent(text, task.env_id), task.env_id, system)
+    if text.endswith(".onnx"):
+        from wavegym.policies.onnx_files import OnnxPolicy
+
+        return [OnnxPolicy(Path(source))]
+    if text.endswith(".zip"):
+        return as_policies(_load_archive(Path(source), trust), task, text)
+    if isinstance(source, Path) or is_folder(text):
+        return load_policy(Path(source), task.env_id, system)
+    if _is_code(text):
+        _check_trusted(text, f"the module {text.partition(':')[0]}", trust)
+        return as_policies(Factory(load_object("policy", text)), task, text, trust=trust, tapes=tapes)
+    if close := difflib.get_close_matches(text.lower(), AGENTS, n=1, cutoff=0.6):
         wanted = f"a scheduler, a trained agent or a folder; did you mean {close[0]!r}?"
         raise InputError(f"policy is {text!r}, expected {wanted}")
     return [make_policy(text, system, _tapes(task, tapes))]  # an error that names the nearest
@@ -141,6 +150,64 @@ def _from_source(source: str | Path, task: Task, trust: bool, tapes: Any) -> lis
 
 def _tapes(task: Task, tapes: Any) -> Any:
     return tuning_tapes(task.system, 0) if tapes is None else tapes
+
+
+def saved_agent(name: str, env_id: str) -> Path:
+    """The folder of the agents called ``name`` that come with an environment: the repository's, or the package's.
+
+    Raises:
+        InputError: there are none; the message says how to train one.
+    """
+    own = SAVED / stem(env_id) / name
+    folder = own if own.is_dir() else pretrained_folder(env_id, name)
+    if folder is None:
+        command = f"wavegym train {env_id.removeprefix('wavegym/')} --algo {name} --out runs/{name}"
+        wanted = f"the folder of a run (nearest: {command})"
+        raise InputError(f"policy is {name!r}, of which none is saved for {env_id}, expected {wanted}")
+    return folder
+
+
+def is_folder(source: str) -> bool:
+    """Whether ``source``, which is no scheduler's name, is meant as a folder."""
+    return os.sep in source or Path(source).is_dir()
+
+
+def _is_code(source: str) -> bool:
+    """Whether ``source`` is ``package.module:factory`` of an installed package. Imports nothing."""
+    return bool(PATH.fullmatch(source)) and importlib.util.find_spec(source.partition(":")[0].split(".")[0]) is not None
+
+
+def _load_archive(path: Path, trust: bool) -> Any:
+    """The policy of a model that Stable-Baselines3 or sb3-contrib saved, whatever its algorithm, on the processor.
+
+    Raises:
+        InputError: without ``trust``, since loading runs code in the file; no such file, or no such model in it.
+    """
+    _check_trusted(str(path), "the file", trust)
+    if not path.is_file():
+        raise InputError(f"policy {str(path)!r} is no file, expected a model that Stable-Baselines3 saved")
+    try:
+        from stable_baselines3.common.save_util import load_from_zip_file
+    except ImportError as error:
+        raise InputError(f"policy {str(path)!r} needs Stable-Baselines3: pip install 'wavegym[agents]'") from error
+    try:
+        data, weights, _ = load_from_zip_file(path, device="cpu")
+        assert data is not None
+        settings = {**data.get("policy_kwargs", {}), **({"use_sde": True} if data.get("use_sde") else {})}
+        spaces = data["observation_space"], data["action_space"]
+        policy = data["policy_class"](*spaces, lambda _: 0.0, **settings)  # a learning rate: of no use in play
+        policy.load_state_dict(weights["policy"])
+    except Exception as error:  # any error of code in the file
+        wanted = "a model that Stable-Baselines3 saved"
+        raise InputError(f"policy {str(path)!r}, expected {wanted}: {type(error).__name__}: {error}") from error
+    policy.set_training_mode(False)
+    return policy
+
+
+def _check_trusted(source: str, code: str, trust: bool) -> None:
+    if not trust:
+        wanted = "--trust, or trust=True, if you trust its author"
+        raise InputError(f"policy is {source!r}; loading it runs code of {code}, expected {wanted}")
 
 
 class _Adapted:

@@ -18,8 +18,7 @@ from wavegym.core.policy import Policy
 from wavegym.core.work import Call, kept_parts, run_all
 from wavegym.core.worlds import tuning_tapes, world_seeds
 from wavegym.evaluation.adapters import Given, as_policies
-from wavegym.evaluation.play import EpisodeResults, Played, merged, play, results_of
-from wavegym.evaluation.task import Task, make_task
+from wavegym.evaluation.play import EpisodeResults, Played, Task, make_task, merged, play, results_of
 from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 
 BASELINE = "myopic"
@@ -115,8 +114,7 @@ def compare(
     chunks = range(0, worlds, CHUNK)
     played = {name: [merged([next(done) for _ in chunks]) for _ in those] for name, (_, those) in members.items()}
     comparison = Comparison(task, seed, seeds, played)
-    _check_finite(comparison)
-    _warn_outside(comparison)
+    _check(comparison)
     return comparison
 
 
@@ -129,9 +127,9 @@ def by_name(policies: Any) -> Mapping[str, Given | None]:
     return policies if BASELINE in policies else {BASELINE: None, **policies}
 
 
-def _check_finite(comparison: Comparison) -> None:
-    """Raise an InputError for the first policy whose costs have no mean."""
-    for name in comparison.played:
+def _check(comparison: Comparison) -> None:
+    """InputError for a policy with a cost that is not finite; a warning for one that often leaves its training."""
+    for name, members in comparison.played.items():
         cost = comparison.cost(name)
         broken = int((~np.isfinite(cost)).any(axis=0).sum())
         if broken:
@@ -139,11 +137,6 @@ def _check_finite(comparison: Comparison) -> None:
                 f"policy {name!r} has a cost that is not finite in {broken} of {cost.shape[1]} worlds, "
                 f"expected finite costs: parameters of {comparison.task.env_id} are probably out of range"
             )
-
-
-def _warn_outside(comparison: Comparison) -> None:
-    """Warn of policies that often decide on observations unlike those of their training."""
-    for name, members in comparison.played.items():
         share = float(np.mean([member.outside for member in members]))
         if share > MOST_OUTSIDE:
             text = (

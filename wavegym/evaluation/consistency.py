@@ -93,8 +93,12 @@ def reversals(by_policy: Mapping[str, EpisodeResults], seed: int) -> list[dict[s
     Returns:
         For each pair ``policy``, ``reference``, and the differences ``belief`` and ``truth`` in per cent.
     """
+    distinct: dict[str, EpisodeResults] = {}
+    for name, results in by_policy.items():
+        if not any(np.array_equal(results.cost, other.cost) for other in distinct.values()):
+            distinct[name] = results
     found = []
-    for (name, results), (other, reference) in combinations(_distinct(by_policy).items(), 2):
+    for (name, results), (other, reference) in combinations(distinct.items(), 2):
         pairs = (results.cost, reference.cost), (results.squared_error, reference.squared_error)
         if np.prod([_sign(*pair) for pair in pairs]) != -1.0:
             continue  # the same order; the bootstrap is slow
@@ -102,15 +106,6 @@ def reversals(by_policy: Mapping[str, EpisodeResults], seed: int) -> list[dict[s
         if belief is not None and truth is not None:
             found.append({"policy": name, "reference": other, "belief": belief, "truth": truth})
     return found
-
-
-def _distinct(by_policy: Mapping[str, EpisodeResults]) -> dict[str, EpisodeResults]:
-    """The results without those that repeat an earlier one."""
-    distinct: dict[str, EpisodeResults] = {}
-    for name, results in by_policy.items():
-        if not any(np.array_equal(results.cost, other.cost) for other in distinct.values()):
-            distinct[name] = results
-    return distinct
 
 
 def _sign(values: Array, reference: Array) -> float:

@@ -18,17 +18,16 @@ import numpy as np
 
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError, check_choice
+from wavegym.core.files import write_whole
 from wavegym.core.system import System
 from wavegym.core.work import add_worker_options, workers
 from wavegym.core.worlds import tuning_tapes, word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import BASELINE, Comparison, compare
 from wavegym.evaluation.consistency import reversals
-from wavegym.evaluation.files import write_whole
-from wavegym.evaluation.play import EpisodeResults
+from wavegym.evaluation.play import EpisodeResults, make_task
 from wavegym.evaluation.report import TABLE, compressed, read_results
 from wavegym.evaluation.summary import by_consistency, by_truth, us_per_decision, versions
-from wavegym.evaluation.task import make_task
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers.heuristics.searched_rule import ChangedFeaturesError
 from wavegym.schedulers.registry import make_policy

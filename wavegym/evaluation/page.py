@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.action_sets import ParameterBox, waveform_labels
+from wavegym.core.action_sets import waveform_labels
 from wavegym.core.arrays import Array
 from wavegym.evaluation.comparison import BASELINE, Comparison
 from wavegym.evaluation.picture import percent_off
@@ -45,7 +45,8 @@ def _data(comparison: Comparison, summary: dict[str, Any], title: str) -> dict[s
     """The data of the page, as plain types."""
     played = {name: merged(members) for name, members in comparison.played.items()}
     options, names = _options(comparison, played)
-    world, shown = _typical(comparison), tables(summary)
+    cost, shown = comparison.cost(BASELINE).mean(axis=0), tables(summary)
+    world = int(np.argsort(cost, kind="stable")[len(cost) // 2])  # with the baseline's median cost
     return {
         "title": title,
         "tables": [table._asdict() for table in shown],
@@ -58,22 +59,17 @@ def _data(comparison: Comparison, summary: dict[str, Any], title: str) -> dict[s
         "policies": [
             {
                 "name": name,
-                **_over_time(record),
-                "percent": _short(_percent(comparison, name)),
-                "shares": _shares(record, options),
-                "episode": _episode(comparison.played[name][0], world, options),
+                "percent": _short(percent_off(comparison.cost(name).mean(axis=0), cost)),  # mean over training runs
+                **_policy(played[name], comparison.played[name][0], world, options),
             }
-            for name, record in ((name, played[name]) for name in shown[0].columns[0][1:])  # in the tables' order
+            for name in shown[0].columns[0][1:]  # in the tables' order
         ],
     }
 
 
 def _options(comparison: Comparison, played: dict[str, Played]) -> tuple[Array, list[str]]:
     """The legend's row of each waveform, (waveform,), and the legend: the commonest first, the others as one row."""
-    actions = comparison.task.system.actions
-    if isinstance(actions, ParameterBox):
-        return np.zeros(0, np.int64), []
-    labels = list(waveform_labels(actions))
+    labels = waveform_labels(comparison.task.system.actions)
     used = np.sum([record.chosen.sum(axis=(0, 1)) for record in played.values()], axis=0)
     order = [int(i) for i in np.argsort(-used, kind="stable") if used[i]]
     shown = order if len(order) <= MOST else order[: MOST - 1]
@@ -82,15 +78,17 @@ def _options(comparison: Comparison, played: dict[str, Played]) -> tuple[Array, 
     return row, [labels[i] for i in shown] + (["other"] if len(order) > len(shown) else [])
 
 
-def _over_time(record: Played) -> dict[str, Any]:
-    """Quartiles over worlds, of those still running, of the cost after each step."""
-    low, middle, high = np.nanpercentile(record.cost, QUARTILES, axis=0)
-    return {"low": _short(low), "median": _short(middle), "high": _short(high)}
+def _policy(record: Played, first: Played, world: int, options: Array) -> dict[str, Any]:
+    """A policy over time, and one episode of its first member to step through.
 
-
-def _percent(comparison: Comparison, name: str) -> Array:
-    """Each world's cost over the baseline's, as a difference in per cent, (world,); the mean over training runs."""
-    return percent_off(comparison.cost(name).mean(axis=0), comparison.cost(BASELINE).mean(axis=0))
+    ``low`` to ``high`` are quartiles of the cost after each step, over the worlds still running; ``shares`` see there;
+    ``episode`` has the cost after each step and the legend's row of each transmission, (sensor, step).
+    """
+    low, median, high = (_short(quartile) for quartile in np.nanpercentile(record.cost, QUARTILES, axis=0))
+    steps = first.steps[world]
+    rows = options[first.choice[world, :steps]].T.tolist() if len(options) else []
+    episode = {"cost": _short(first.cost[world, :steps]), "rows": rows}
+    return {"low": low, "median": median, "high": high, "shares": _shares(record, options), "episode": episode}
 
 
 def _shares(record: Played, options: Array) -> list[list[list[float | None]]]:
@@ -101,19 +99,6 @@ def _shares(record: Played, options: Array) -> list[list[list[float | None]]]:
     count = options.max() + 1
     shares = np.stack([(rows == k).sum(axis=0) for k in range(count)], axis=2) / (rows >= 0).sum(axis=0)[..., None]
     return [[_short(step) for step in sensor] for sensor in np.swapaxes(shares, 0, 1)]
-
-
-def _episode(record: Played, world: int, options: Array) -> dict[str, Any]:
-    """One world's cost after each step, and the legend's row of each transmission, (sensor, step)."""
-    steps = record.steps[world]
-    rows = options[record.choice[world, :steps]].T.tolist() if len(options) else []
-    return {"cost": _short(record.cost[world, :steps]), "rows": rows}
-
-
-def _typical(comparison: Comparison) -> int:
-    """The world with the baseline's median cost."""
-    cost = comparison.cost(BASELINE).mean(axis=0)
-    return int(np.argsort(cost, kind="stable")[len(cost) // 2])
 
 
 def _short(values: Array) -> list[float | None]:

@@ -15,6 +15,7 @@ import numpy as np
 from wavegym.core import trees
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
+from wavegym.core.files import csv_text
 from wavegym.core.policy import Policy
 from wavegym.core.shortcuts import delay
 from wavegym.core.system import System
@@ -157,9 +158,9 @@ def sweep(
     """
     start = time.process_time()
     names, rows = list(bases), []
-    floor = None
+    floor = None  # of the best heuristic, the first
     for name in names:
-        row, logs = _played(system, Setting("", name, {}), bases, worlds, None if floor is None else floor)
+        row, logs = _played(system, Setting("", name, {}), bases, worlds, floor)
         floor = logs if floor is None else floor
         rows.append(row)
     rates: dict[str, float] = {}
@@ -230,9 +231,7 @@ def as_csv(rows: Sequence[Swept]) -> str:
         with suppress(InputError):
             chosen = best_within(rows, limit)
             best.setdefault(id(chosen), []).append(limit_name(limit))
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    lines = []
     for row in rows:
         setting = row.setting
         cells = ["", "", ""]
@@ -240,8 +239,8 @@ def as_csv(rows: Sequence[Swept]) -> str:
             cells = [f"{_percent(row.log_ratio):.3f}", f"{100.0 * row.error:.3f}", f"{row.cpu_ms:.4g}"]
         own = [setting.planner, setting.base, setting.depth or "", setting.settings.get("futures", "")]
         what = json.dumps(dict(setting.settings)) if setting.settings else ""
-        writer.writerow([*own, what, row.worlds, *cells, ";".join(best.get(id(row), [])), row.note])
-    return text.getvalue()
+        lines.append([*own, what, row.worlds, *cells, ";".join(best.get(id(row), [])), row.note])
+    return csv_text(COLUMNS, lines)
 
 
 def limit_name(limit: float) -> str:

@@ -1,22 +1,66 @@
-"""Play a policy on given worlds through the Gymnasium shell, and record costs and metrics."""
+"""A task, which is a system with its parameters, and a policy played on its worlds: costs and metrics."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, NamedTuple
 
+import gymnasium as gym
 import numpy as np
 
 from wavegym.core.action_sets import ParameterBox, by_sensor, sensor_count, waveform_labels
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Clairvoyant, Policy, Trained
-from wavegym.core.system import System
+from wavegym.core.system import System, build_system
 from wavegym.core.worlds import word
+from wavegym.envs.scenario import scenario_differences
 from wavegym.envs.vector import WaveformVectorEnv
-from wavegym.evaluation.task import Task
+from wavegym.registration import SETTINGS, SHELL, full_id, registered_system
 from wavegym.schedulers.rollout import allowed, step_lengths
+
+
+@dataclass(frozen=True)
+class Task:
+    """One environment as evaluation needs it. It is sent to other processes, where the id may not be registered.
+
+    Attributes:
+        env_id: the full id.
+        system: the closed loop.
+        max_episode_steps: truncation before the system's own end, or None.
+        parameters: of the system, those that differ from those registered.
+        observation: what policies observe, "belief" or "measurements"; schedulers read the belief itself.
+    """
+
+    env_id: str
+    system: System
+    max_episode_steps: int | None
+    parameters: Mapping[str, Any]
+    observation: str = "belief"
+
+
+def make_task(env_id: str, parameters: Mapping[str, Any]) -> Task:
+    """The task of a registered environment.
+
+    Args:
+        env_id: with or without ``wavegym/``.
+        parameters: of the system, other than the registered ones; "scenario" names a file of them.
+
+    Raises:
+        InputError: an unreadable scenario, an unknown id or parameter (nearest named), or a value out of range.
+    """
+    env_id = full_id(env_id)
+    system, registered = registered_system(env_id)
+    limit = registered.pop("max_episode_steps", gym.spec(env_id).max_episode_steps)
+    file = parameters.get("scenario", registered.get("scenario"))
+    of_file = scenario_differences(env_id, file) if file else {}
+    given = {name: value for name, value in {**of_file, **parameters}.items() if name != "scenario"}
+    own = {name: value for name, value in registered.items() if name not in SHELL}  # the cost itself is reported
+    complete = {**own, **given}
+    observation = complete.pop("observation", registered.get("observation", "belief"))
+    return Task(env_id, build_system(system, complete, SETTINGS), limit, given, observation)
 
 
 class Played(NamedTuple):
@@ -82,13 +126,8 @@ BY_EPISODE = EpisodeResults._fields  # columns of episodes.csv
 
 def results_of(members: Sequence[Played]) -> EpisodeResults:
     """The results of a policy's members on the same worlds."""
-    by_episode = [by_world(member) for member in members]
-    return EpisodeResults(*(np.stack(values) for values in zip(*by_episode, strict=True)))
-
-
-def by_world(played: Played) -> list[Array]:
-    """One member's results in the order of ``BY_EPISODE``, (world,) each."""
-    return [played.episode_cost(), *(getattr(played, name) for name in BY_EPISODE[1:])]
+    by_member = [[member.episode_cost(), *(getattr(member, name) for name in BY_EPISODE[1:])] for member in members]
+    return EpisodeResults(*(np.stack(values) for values in zip(*by_member, strict=True)))
 
 
 Watch = Callable[[WaveformVectorEnv, Mapping[str, Array], Array], None]
@@ -139,7 +178,8 @@ def play(
     while recorder.running.any() and len(recorder.costs) != max_steps:
         action = policy.act(env.belief, observation, allowed(task.system, env.belief))
         recorder.seconds[recorder.running] += (perf_counter() - start) / recorder.running.sum()
-        recorder.outside += _outside_training(policy, recorder.running)
+        left = policy.is_outside_training() if isinstance(policy, Trained) else None
+        recorder.outside += np.nan if left is None else left & recorder.running
         try:
             observation, _, terminated, truncated, info = env.step(action)
         except InputError as error:
@@ -151,12 +191,6 @@ def play(
     return recorder.close()
 
 
-def _outside_training(policy: Policy, running: Array) -> Array:
-    """1 if a running world's observation is outside the policy's training, (world,); NaN if this is unknown."""
-    left = policy.is_outside_training() if isinstance(policy, Trained) else None
-    return np.full(len(running), np.nan) if left is None else 1.0 * (left & running)
-
-
 class _Recorder:
     """Running sums over the steps of a batch of episodes."""
 
@@ -165,14 +199,14 @@ class _Recorder:
         self.running = np.ones(count, np.bool_)
         self.costs: list[Array] = []
         self.seconds, self.steps = np.zeros(count), np.zeros(count, np.int64)
-        self.outside = np.zeros(count)
+        self.outside = np.zeros(count)  # decisions outside the policy's training; NaN where nobody knows
         self.span = np.zeros(count)
         self.square, self.variance, self.square_gospa = _Sum(), _Sum(), _Sum()
         self.nees_sums: list[Array] = []
         self.nees_counts: list[Array] = []
         self.lost = np.zeros(count)
-        self.sensors, options = _set_size(task.system)
-        self.options = np.full(count, options)
+        self.sensors = 0 if isinstance(self.actions, ParameterBox) else sensor_count(self.actions)
+        self.options = np.full(count, len(waveform_labels(self.actions)))
         self.choices: list[Array] = []
 
     def add(self, info: dict[str, Array], lengths: Array, ended: Array) -> None:
@@ -182,13 +216,16 @@ class _Recorder:
         self.span += weight
         self.costs.append(np.where(on, info["cost"], np.nan))
         self.steps[on] += 1
-        self.square.add(np.square(_metric(info, "position_error")), _counted(info, "position_error", on), weight)
-        self.variance.add(_metric(info, "position_variance"), _counted(info, "position_variance", on), weight)
-        self.square_gospa.add(np.square(_metric(info, "gospa")), (on & ("gospa" in info))[:, None], weight)
-        counted = _counted(info, "nees", on)
-        self.nees_sums.append(np.where(counted, _metric(info, "nees"), 0.0).sum(axis=1))
+        error, counted = _metric(info, "position_error", on)
+        self.square.add(np.square(error), counted, weight)
+        self.variance.add(*_metric(info, "position_variance", on), weight)
+        gospa, _ = _metric(info, "gospa", on)
+        self.square_gospa.add(np.square(gospa), (on & ("gospa" in info))[:, None], weight)
+        nees, counted = _metric(info, "nees", on)
+        self.nees_sums.append(np.where(counted, nees, 0.0).sum(axis=1))
         self.nees_counts.append(counted.sum(axis=1))
-        self.lost[on] = _metric(info, "lost")[on].sum(axis=1)
+        lost, _ = _metric(info, "lost", on)
+        self.lost[on] = lost[on].sum(axis=1)
         if self.sensors:
             self.choices.append(np.where(on[:, None], by_sensor(self.actions, info["waveform"]), -1))
         self.running = on & ~ended
@@ -201,7 +238,7 @@ class _Recorder:
             steps=self.steps,
             span=self.span,
             rmse=np.sqrt(self.square.mean()),
-            target_rmse=np.sqrt(self.square.of_each()),
+            target_rmse=np.sqrt(self.square.mean(of_each=True)),
             believed_rmse=np.sqrt(self.variance.mean()),
             gospa=np.sqrt(self.square_gospa.mean()),
             nees_sum=np.stack(self.nees_sums, axis=1),
@@ -226,57 +263,40 @@ class _Sum:
         weights = counted * weight[:, None]
         self.total, self.count = self.total + np.where(counted, values, 0.0) * weights, self.count + weights
 
-    def mean(self) -> Array:
-        """Over steps and targets, (world,); NaN without a value."""
-        return _ratio(self.total.sum(axis=1), self.count.sum(axis=1))
-
-    def of_each(self) -> Array:
-        """Over the steps of each target, (world, target); NaN without a value."""
-        return _ratio(self.total, self.count)
+    def mean(self, of_each: bool = False) -> Array:
+        """Over steps and targets, (world,), or over the steps of each target, (world, target); NaN without a value."""
+        return _ratio(*(total if of_each else total.sum(axis=1) for total in (self.total, self.count)))
 
 
 def _ratio(total: Array, count: Array) -> Array:
     return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
 
 
-def _set_size(system: System) -> tuple[int, int]:
-    """Sensors, and waveforms to choose from at each; none for a box."""
-    actions = system.actions
-    return (0, 0) if isinstance(actions, ParameterBox) else (sensor_count(actions), len(waveform_labels(actions)))
+def _metric(info: dict[str, Array], key: str, on: Array) -> tuple[Array, Array]:
+    """A metric with all its targets on one axis, and where it counts, (world, target) both; NaN where there is none.
 
-
-def _metric(info: dict[str, Array], key: str) -> Array:
-    """A metric with all its targets on one axis, (world, target); NaN where there is no such metric."""
-    count = len(info["cost"])
-    return np.asarray(info[key], np.float64).reshape(count, -1) if key in info else np.full((count, 1), np.nan)
-
-
-def _counted(info: dict[str, Array], key: str, on: Array) -> Array:
-    """Where a metric counts, (world, target): a target that is ``present`` in a world that is ``on`` (bool, world)."""
+    It counts for a target that is ``present`` in a world that is ``on`` (bool, world).
+    """
     if key not in info:
-        return np.zeros((len(on), 1), np.bool_)
-    shape = _metric(info, key).shape
-    if "present" not in info:
-        return np.repeat(on[:, None], shape[1], axis=1)
-    present: Array = np.asarray(info["present"], np.bool_).reshape(len(on), -1)
-    if present.shape != shape:  # a figure of all targets together
+        return np.full((len(on), 1), np.nan), np.zeros((len(on), 1), np.bool_)
+    values = np.asarray(info[key], np.float64).reshape(len(on), -1)
+    present = np.asarray(info.get("present", np.ones(values.shape)), np.bool_).reshape(len(on), -1)
+    if present.shape != values.shape:  # a figure of all targets together
         present = np.logical_or.reduce(present, axis=1, keepdims=True)
-    return present & on[:, None]
+    return values, present & on[:, None]
 
 
 def merged(parts: Sequence[Played]) -> Played:
     """One record from those of consecutive chunks of worlds."""
-    longest = max(part.cost.shape[1] for part in parts)
-    padded = [_lengthened(part, longest - part.cost.shape[1]) for part in parts]
+    longest, padded = max(part.cost.shape[1] for part in parts), []
+    for part in parts:
+        gap = ((0, 0), (0, longest - part.cost.shape[1]))  # steps past the end of every episode
+        padded.append(
+            part._replace(
+                cost=np.pad(part.cost, gap, constant_values=np.nan),
+                nees_sum=np.pad(part.nees_sum, gap),
+                nees_count=np.pad(part.nees_count, gap),
+                choice=np.pad(part.choice, (*gap, (0, 0)), constant_values=-1),
+            )
+        )
     return Played(*(np.concatenate(arrays) for arrays in zip(*padded, strict=True)))
-
-
-def _lengthened(part: Played, steps: int) -> Played:
-    """With this number of steps after the end of every episode."""
-    gap = ((0, 0), (0, steps))
-    return part._replace(
-        cost=np.pad(part.cost, gap, constant_values=np.nan),
-        nees_sum=np.pad(part.nees_sum, gap),
-        nees_count=np.pad(part.nees_count, gap),
-        choice=np.pad(part.choice, (*gap, (0, 0)), constant_values=-1),
-    )

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from wavegym.core.action_sets import ParameterBox, waveform_labels
+from wavegym.core.action_sets import waveform_labels
 from wavegym.core.errors import InputError
+from wavegym.core.files import csv_text, write_whole
 from wavegym.evaluation.comparison import Comparison
-from wavegym.evaluation.files import csv_text, write_whole
 from wavegym.evaluation.page import page
 from wavegym.evaluation.picture import draw
-from wavegym.evaluation.play import BY_EPISODE, EpisodeResults, Played, by_world
+from wavegym.evaluation.play import BY_EPISODE, EpisodeResults, Played, results_of
 from wavegym.evaluation.summary import summarise
 from wavegym.evaluation.table import markdown
 
@@ -59,28 +59,23 @@ def episodes(comparison: Comparison) -> str:
     ``rmse_2``, ... and several sensors have ``favourite_1``, ``favourite_share_1``, ... A field without a value is
     empty.
     """
-    actions = comparison.task.system.actions
-    labels = () if isinstance(actions, ParameterBox) else waveform_labels(actions)
+    labels = waveform_labels(comparison.task.system.actions)
+    first = next(iter(comparison.played.values()))[0]
+    targets, sensors = first.target_rmse.shape[1], first.chosen.shape[1]
+    each = [f"rmse_{i + 1}" for i in range(targets)] if targets > 1 else []
+    favourites = [f"{name}_{i + 1}" for i in range(sensors) for name in FAVOURITE] if sensors > 1 else FAVOURITE
     rows = (
         [name, member, world, comparison.seeds[world], *row]
         for name, members in comparison.played.items()
         for member, played in enumerate(members)
         for world, row in enumerate(_rows(played, labels))
     )
-    return csv_text(_columns(next(iter(comparison.played.values()))[0]), rows)
-
-
-def _columns(played: Played) -> list[str]:
-    """The header, for the number of targets and sensors."""
-    targets, sensors = played.target_rmse.shape[1], played.chosen.shape[1]
-    each = [f"rmse_{i + 1}" for i in range(targets)] if targets > 1 else []
-    favourites = [f"{name}_{i + 1}" for i in range(sensors) for name in FAVOURITE] if sensors > 1 else FAVOURITE
-    return [*COLUMNS, *each, *favourites]
+    return csv_text([*COLUMNS, *each, *favourites], rows)
 
 
 def _rows(played: Played, labels: tuple[str, ...]) -> list[list[Any]]:
     """One member's fields of each world, from ``steps`` on."""
-    numbers = np.stack(by_world(played), axis=1)
+    (numbers,) = np.stack(results_of([played]), axis=2)
     if played.target_rmse.shape[1] > 1:
         numbers = np.concatenate([numbers, played.target_rmse], axis=1)
     rows = []

@@ -50,11 +50,7 @@ class Difference(NamedTuple):
 
 def mean(values: Array, rng: np.random.Generator) -> Estimate:
     """The mean of ``values`` (member, world)."""
-
-    def statistic(members: Array, worlds: Array) -> Array:
-        return _resampled(values, members, worlds).mean(axis=(-2, -1))
-
-    return _estimate(statistic, values.shape, rng)
+    return _estimate(lambda m, w: _resampled(values, m, w).mean(axis=(-2, -1)), values.shape, rng)
 
 
 def ratio(values: Array, others: Array, rng: np.random.Generator) -> Estimate:
@@ -74,21 +70,11 @@ def of_worlds(statistic: Callable[[Array], Array], count: int, rng: np.random.Ge
     return _estimate(lambda members, worlds: statistic(worlds), (1, count), rng)
 
 
-def average(values: Array) -> float | None:
-    """The mean over all episodes, without an interval."""
-    return _finite(np.mean(values))
-
-
-def median(values: Array) -> float | None:
-    """The median over all episodes."""
-    return _finite(np.median(values))
-
-
 def interquartile_mean(values: Array) -> float | None:
     """The mean of the middle half of all episodes: a quarter (rounded down) is left out at each end."""
     ordered = np.sort(values, axis=None)
     cut = len(ordered) // 4
-    return _finite(ordered[cut : len(ordered) - cut].mean())
+    return finite(ordered[cut : len(ordered) - cut].mean())
 
 
 def difference(values: Array, baseline: Array, rng: np.random.Generator) -> Difference:
@@ -111,7 +97,7 @@ def score(cost: float | None, random: float | None, baseline: float | None) -> f
     """Mean costs on a scale where random choice is 0 and the baseline 1; None where that is undefined."""
     if cost is None or random is None or baseline is None or random == baseline:
         return None
-    return _finite((random - cost) / (random - baseline))
+    return finite((random - cost) / (random - baseline))
 
 
 def _resampled(values: Array, members: Array, worlds: Array) -> Array:
@@ -122,7 +108,7 @@ def _estimate(statistic: Statistic, shape: tuple[int, ...], rng: np.random.Gener
     """The statistic of all members and worlds, and its interval."""
     members, worlds = (np.arange(count) for count in shape)
     with np.errstate(divide="ignore", invalid="ignore"):
-        value = _finite(statistic(members, worlds))
+        value = finite(statistic(members, worlds))
     if value is None or len(worlds) == 1:
         return Estimate(value, None)
     return Estimate(value, _interval(statistic, members, worlds, rng))
@@ -156,5 +142,6 @@ def _interval(statistic: Statistic, members: Array, worlds: Array, rng: np.rando
     return (float(ends[0]), float(ends[1])) if np.isfinite(ends).all() else None
 
 
-def _finite(value: Any) -> float | None:
+def finite(value: Any) -> float | None:
+    """A number, or None where it is not finite."""
     return float(value) if np.isfinite(value) else None

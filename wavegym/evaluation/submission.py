@@ -34,14 +34,13 @@ from pydantic.dataclasses import dataclass
 from wavegym.core import VERSION
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice
+from wavegym.core.files import write_whole
 from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import compare
-from wavegym.evaluation.files import write_whole
-from wavegym.evaluation.saved import is_onnx
+from wavegym.evaluation.play import make_task
 from wavegym.evaluation.summary import us_per_decision
 from wavegym.evaluation.table import estimated, shared, signed, tabulated
-from wavegym.evaluation.task import make_task
 from wavegym.registration import SYSTEMS, full_id
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded
 
@@ -134,7 +133,7 @@ def read_submission(folder: Path) -> Submission:
         for parameter in entry.parameters:
             check_choice(f"{path}: parameter of {name}", parameter, PARAMETERS)
         file = folder / entry.file
-        if not (is_onnx(str(file)) and file.is_file()) and not file.is_dir():
+        if not (file.suffix == ".onnx" and file.is_file()) and not file.is_dir():
             raise InputError(f"{path}: file of {name} is {str(entry.file)!r}, expected an .onnx file or a run's folder")
         policies[env_id] = Entry(file, entry.steps, entry.cpu_seconds, entry.parameters)
     return Submission(found.name, found.code, policies)

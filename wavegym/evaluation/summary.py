@@ -16,7 +16,7 @@ from wavegym.evaluation import statistics
 from wavegym.evaluation.comparison import BASELINE, FLOOR, Comparison
 from wavegym.evaluation.consistency import consistency, reversals, steps_outside
 from wavegym.evaluation.play import EpisodeResults
-from wavegym.evaluation.statistics import Estimate
+from wavegym.evaluation.statistics import Estimate, finite
 
 PACKAGES = ("gymnasium", "numpy", "scipy", "numba", "stable-baselines3", "torch")
 
@@ -86,7 +86,7 @@ def by_consistency(comparison: Comparison, name: str, rng: np.random.Generator) 
     return {
         "nees": {**named("mean", "ci", found.nees), "flag": found.flag, "steps_outside": outside},
         "true_over_believed": named("ratio", "ci", found.true_over_believed),
-        "lost": statistics.average(results.lost),
+        "lost": finite(np.mean(results.lost)),
     }
 
 
@@ -97,22 +97,22 @@ def _policy(comparison: Comparison, name: str, by_policy: dict[str, EpisodeResul
     cost, rmse = results.cost, results.rmse
     mean = statistics.mean(cost, rng)
     against = statistics.difference(cost, baseline.cost, rng)
-    floor = statistics.average(by_policy[FLOOR].cost) if FLOOR in by_policy else None
+    floor = finite(np.mean(by_policy[FLOOR].cost)) if FLOOR in by_policy else None
     rmse_mean = statistics.mean(rmse, rng)
     return {
         "cost": {
             **named("mean", "ci", mean),
             "iqm": statistics.interquartile_mean(cost),
-            "median": statistics.median(cost),
+            "median": finite(np.median(cost)),
         },
         "vs_myopic": {
             **named("percent", "ci", against.percent),
             **named("geometric_percent", "geometric_ci", against.geometric),
         },
-        "score": statistics.score(mean.value, floor, statistics.average(baseline.cost)),
+        "score": statistics.score(mean.value, floor, finite(np.mean(baseline.cost))),
         "truth": by_truth(results, baseline, rng),
         **by_consistency(comparison, name, rng),
-        "rmse": {**named("mean", "ci", rmse_mean), "median": statistics.median(rmse), **_targets(comparison, name)},
+        "rmse": {**named("mean", "ci", rmse_mean), "median": finite(np.median(rmse)), **_targets(comparison, name)},
         **_choices(comparison, name),
         "us_per_decision": us_per_decision(comparison, name),
     }
@@ -130,7 +130,7 @@ def _targets(comparison: Comparison, name: str) -> dict[str, Any]:
     if errors.shape[1] == 1:
         return {}
     present = [column[~np.isnan(column)] for column in errors.T]
-    return {"targets": [statistics.average(column) if column.size else None for column in present]}
+    return {"targets": [finite(np.mean(column)) if column.size else None for column in present]}
 
 
 def _choices(comparison: Comparison, name: str) -> dict[str, Any]:
@@ -138,7 +138,7 @@ def _choices(comparison: Comparison, name: str) -> dict[str, Any]:
     counts = np.sum([member.chosen.sum(axis=0) for member in comparison.played[name]], axis=0)  # (sensor, waveform)
     if len(counts) < 2:
         return {}
-    labels = waveform_labels(comparison.task.system.actions)  # type: ignore[arg-type]  # a box has no counts
+    labels = waveform_labels(comparison.task.system.actions)
     orders, steps = np.argsort(-counts, axis=1, kind="stable"), counts[0].sum()
     shares = [
         {labels[i]: float(row[i] / steps) for i in order if row[i]} for row, order in zip(counts, orders, strict=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -32,6 +33,9 @@ TRUTH = (
 CONSISTENCY = ("policy", "NEES", "95 %", "steps outside %", "true over believed", "95 %")
 
 
+Layout = tuple[tuple[str, ...], Callable[[dict[str, Any]], list[str]]]  # headings, and what makes a policy's cells
+
+
 class Table(NamedTuple):
     """A table with a line above it."""
 
@@ -48,32 +52,36 @@ def markdown(summary: dict[str, Any]) -> str:
 
 
 def tables(summary: dict[str, Any]) -> list[Table]:
-    """Cost by belief, error by truth and consistency: one row for each policy, the cheapest first.
+    """``three_tables`` of a summary, the cheapest policy first."""
+    means = {name: policy["cost"]["mean"] for name, policy in summary["policies"].items()}
+    cheapest_first = sorted(means, key=lambda name: math.inf if means[name] is None else means[name])
+    policies = {name: summary["policies"][name] for name in cheapest_first}
+    return three_tables(summary, policies, (BELIEF, _belief_row), (TRUTH, _truth_row))
+
+
+def three_tables(figures: Mapping[str, Any], policies: Mapping[str, Any], belief: Layout, truth: Layout) -> list[Table]:
+    """Cost by belief, error by truth and consistency of the tracker: one row for each policy, in their order.
 
     A column without any entry is left out, and so is a table without figures.
+
+    Args:
+        figures: what all policies share: ``in_gospa`` and ``nees_dimension``.
+        policies: the figures of each.
+        belief, truth: of the first two tables.
     """
-    policies = dict(sorted(summary["policies"].items(), key=lambda item: _or_last(item[1]["cost"]["mean"])))
+    error, dimension = "the GOSPA distance" if figures["in_gospa"] else "the position", figures["nees_dimension"]
+    expected = "" if dimension is None else f" (expected NEES: {dimension})"
     made = [
-        Table("Cost by belief", columns(BELIEF, policies, _belief_row)),
-        Table(truth_title(summary["in_gospa"]), columns(TRUTH, policies, _truth_row)),
-        Table(consistency_title(summary["nees_dimension"]), columns(CONSISTENCY, policies, consistency_row)),
+        Table("Cost by belief", columns(*belief, policies)),
+        Table(f"Error by truth, of {error}", columns(*truth, policies)),
+        Table(f"Consistency of the tracker{expected}", columns(CONSISTENCY, _consistency_row, policies)),
     ]
     return [table for table in made if len(table.columns) > 1]
 
 
 def titled(table: Table) -> str:
-    """A table in Markdown, with its title; empty where it has no figures."""
-    return f"{table.title}:\n\n{aligned(table.columns)}" if len(table.columns) > 1 else ""
-
-
-def truth_title(in_gospa: bool) -> str:
-    """The title of a table of errors by truth."""
-    return f"Error by truth, of {'the GOSPA distance' if in_gospa else 'the position'}"
-
-
-def consistency_title(dimension: int | None) -> str:
-    """The title of a table of the tracker's consistency."""
-    return "Consistency of the tracker" + ("" if dimension is None else f" (expected NEES: {dimension})")
+    """A table in Markdown, with its title."""
+    return f"{table.title}:\n\n{aligned(table.columns)}"
 
 
 def order_sentence(reversals: Sequence[Mapping[str, Any]]) -> str:
@@ -92,7 +100,9 @@ def order_sentence(reversals: Sequence[Mapping[str, Any]]) -> str:
 def aligned(columns: list[list[str]]) -> str:
     """A table of columns, each under its heading; the first is aligned to the left, the others to the right."""
     widths = [max(map(len, column)) for column in columns]
-    lines = [_line(row, widths) for row in zip(*columns, strict=True)]
+    padded = [[cell.rjust(width) for cell in column] for column, width in zip(columns, widths, strict=True)]
+    padded[0] = [cell.ljust(widths[0]) for cell in columns[0]]
+    lines = [f"| {' | '.join(row)} |" for row in zip(*padded, strict=True)]
     rule = "|".join(["", ":" + "-" * (widths[0] + 1), *("-" * (w + 1) + ":" for w in widths[1:]), ""])
     return "\n".join([lines[0], rule, *lines[1:]])
 
@@ -103,7 +113,7 @@ def tabulated(head: list[str], rows: list[list[str]]) -> str:
 
 
 def columns(
-    head: tuple[str, ...], policies: Mapping[str, Any], row: Callable[[dict[str, Any]], list[str]]
+    head: tuple[str, ...], row: Callable[[dict[str, Any]], list[str]], policies: Mapping[str, Any]
 ) -> list[list[str]]:
     """A column of names and, of what ``row`` makes of each policy, the columns that have an entry."""
     every = zip(head, *([name, *row(policy)] for name, policy in policies.items()), strict=True)
@@ -138,7 +148,7 @@ def _truth_row(policy: dict[str, Any]) -> list[str]:
     ]
 
 
-def consistency_row(policy: dict[str, Any]) -> list[str]:
+def _consistency_row(policy: dict[str, Any]) -> list[str]:
     """A policy's cells under CONSISTENCY, without its name."""
     nees, ratio = policy["nees"], policy["true_over_believed"]
     outside = nees["steps_outside"]
@@ -154,11 +164,6 @@ def consistency_row(policy: dict[str, Any]) -> list[str]:
 def flagged(nees: float | None, flag: str) -> str:
     """A mean NEES and its flag."""
     return f"{number(nees)} {flag}".strip()
-
-
-def _line(cells: tuple[str, ...], widths: list[int]) -> str:
-    padded = [cells[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(cells[1:], widths[1:], strict=True))]
-    return f"| {' | '.join(padded)} |"
 
 
 def number(value: float | None) -> str:
@@ -196,7 +201,3 @@ def shared(estimate: Estimate) -> list[str]:
 def interval(ci: Sequence[float] | None, shown: Any) -> str:
     """Both ends, each as ``shown`` writes it; empty without an interval."""
     return "" if ci is None else f"{shown(ci[0])} to {shown(ci[1])}"
-
-
-def _or_last(value: float | None) -> float:
-    return float("inf") if value is None else value

@@ -10,14 +10,13 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int
+from wavegym.core.files import csv_text, write_whole
 from wavegym.core.system import State, System
-from wavegym.core.worlds import world_seeds
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation.adapters import Given
 from wavegym.evaluation.comparison import CHUNK, by_name, members_of
-from wavegym.evaluation.files import csv_text, write_whole
-from wavegym.evaluation.play import play
-from wavegym.evaluation.task import Task, make_task
+from wavegym.evaluation.play import Task, make_task, play
 
 MEASURED = "measured_"
 PATHS, RETURNS = "trajectories.csv", "measurements.csv"
@@ -111,10 +110,8 @@ def _states(state: State) -> tuple[Array, Array, Array]:
 
 
 def _check_estimates(task: Task) -> None:
-    """InputError for a system without one estimate for each target, or that does not measure apart from tracking."""
-    world = WaveformVectorEnv(task.system, 1, max_episode_steps=task.max_episode_steps)
-    world.reset(seed=[0])
-    state = world.episodes.state
+    """InputError for a system without one estimate for each target."""
+    state = task.system.initial(draw_worlds(task.system, [0]))
     if not hasattr(state.truth, "targets") or not hasattr(state.belief, "mean"):
         raise InputError(f"trajectories of {task.env_id}: expected an environment with one estimate for each target")
 

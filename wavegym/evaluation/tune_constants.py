@@ -19,12 +19,12 @@ import wavegym.schedulers
 from wavegym.core import trees
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import InputError, check_choice, check_int, check_positive
+from wavegym.core.files import write_whole
 from wavegym.core.registry import import_package
 from wavegym.core.system import System
 from wavegym.core.worlds import draw_worlds, world_seeds
-from wavegym.evaluation.files import write_whole
 from wavegym.evaluation.planner_sweep import LIMITS, Setting, Swept, as_csv, best_within, sweep
-from wavegym.evaluation.task import make_task
+from wavegym.evaluation.play import make_task
 from wavegym.schedulers.heuristics.grids import HEURISTICS, SEARCHED
 from wavegym.schedulers.registry import PLANNERS, PLANS, planner_builder
 from wavegym.schedulers.tuned_constants import (

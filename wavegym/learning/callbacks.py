@@ -16,10 +16,9 @@ from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
-from wavegym.evaluation.files import write_whole
-from wavegym.learning.checkpoints import save_checkpoint
+from wavegym.core.files import write_whole
+from wavegym.learning.checkpoints import save_checkpoint, snapshot
 from wavegym.learning.curve import LearningCurve
-from wavegym.learning.snapshots import snapshot
 from wavegym.learning.training_run import TrainingRun
 from wavegym.policies.runs import BOARD, CHECKPOINTS, CURVE
 
@@ -27,7 +26,7 @@ ROWS = 100  # of the learning curve of a complete run
 
 
 class SnapshotCallback(BaseCallback):
-    """Records every step, and saves checkpoints at the start of rollouts, where a run can resume (``snapshots``).
+    """Records every step, and saves checkpoints at the start of rollouts, where a run can resume.
 
     Args:
         run: what is trained.

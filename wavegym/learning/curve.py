@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.arrays import Array
+from wavegym.core.files import csv_text
 
 
 class Row(NamedTuple):
@@ -69,4 +70,4 @@ class LearningCurve:
 
     def csv(self) -> str:
         """The rows as CSV."""
-        return "\n".join([",".join(Row._fields), *(f"{r.steps},{r.episodes},{r.cost!r}" for r in self.rows)]) + "\n"
+        return csv_text(Row._fields, self.rows)

@@ -16,10 +16,10 @@ import numpy as np
 from joblib import effective_n_jobs
 
 from wavegym.core.errors import InputError, check_int
+from wavegym.core.files import csv_text, write_whole
 from wavegym.core.work import Call, run_all
 from wavegym.core.worlds import draw_worlds
 from wavegym.evaluation import make_task, world_seeds
-from wavegym.evaluation.files import csv_text, write_whole
 from wavegym.evaluation.play import play
 from wavegym.learning.settings import load_settings
 from wavegym.learning.train import train

@@ -18,8 +18,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
 from wavegym.core.traits import UnequalSteps
-from wavegym.envs.sb3 import BatchedVecEnv, SB3VecEnv
-from wavegym.envs.sb3_mixed import SB3MixedVecEnv
+from wavegym.envs.sb3 import BatchedVecEnv, SB3MixedVecEnv, SB3VecEnv
 from wavegym.evaluation import training_seeds
 from wavegym.learning.mixture import MixturePolicy
 from wavegym.learning.scorer import Layout, MaskableScorerPolicy, ScorerDQNPolicy, ScorerPolicy

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavegym.core.array_files import pack_arrays, unpack_arrays
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
+from wavegym.core.files import pack_arrays, unpack_arrays
 from wavegym.core.system import System
 from wavegym.observations.forecasts import PRESENT, Forecasts
 

@@ -64,7 +64,7 @@ class Cycle:
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        action = self.slot_action(belief)
+        action = self.actions[belief.step % len(self.actions)]
         if mask is None or action.ndim > 1:
             return action
         is_allowed = mask[np.arange(len(action)), action]
@@ -73,12 +73,8 @@ class Cycle:
         at = np.argmax(action[:, None] == self._constants, axis=1)
         return np.where(is_allowed, action, _first_allowed(at, self._constants, mask))
 
-    def slot_action(self, belief: Any) -> Array:
-        """The action of each environment's slot, allowed or not, (env, ...)."""
-        return self.actions[belief.step % len(self.actions)]
 
-
-class Fixed:
+class Fixed(Cycle):
     """The same constant at every step; where it is not allowed, the next allowed constant in cyclic order.
 
     Args:
@@ -90,12 +86,8 @@ class Fixed:
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError where there is no such constant."""
-        self._cycle = Cycle(constant_action(system, self.constant)[None])
-        self._cycle.begin(system, num_envs, rng)
-
-    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
-        """See ``Policy``."""
-        return self._cycle.act(belief, observation, mask)
+        self.actions = constant_action(system, self.constant)[None]
+        super().begin(system, num_envs, rng)
 
 
 def constant_action(system: System, constant: int | str) -> Array:

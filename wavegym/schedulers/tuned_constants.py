@@ -13,9 +13,9 @@ import numpy as np
 
 from wavegym.core import trees
 from wavegym.core.errors import InputError, check_int
+from wavegym.core.files import toml_key, toml_value
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
-from wavegym.core.toml import toml_key, toml_value
 from wavegym.schedulers.cycle import best_dwell
 from wavegym.schedulers.heuristics.base import Heuristic
 from wavegym.schedulers.heuristics.cma_search import Budget, searched_constants

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.build import load_object
 from wavegym.core.errors import InputError, check_choice
+from wavegym.core.registry import load_object
 from wavegym.targets.motion import MotionModel
 from wavegym.trackers.kalman import predict, update
 

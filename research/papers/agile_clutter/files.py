@@ -10,7 +10,7 @@ from research.papers.agile_clutter.numbers import curve, shares, summarise, typi
 from research.papers.agile_clutter.pictures import SENSORS, draw_errors, draw_laws
 from research.papers.agile_clutter.study import FREE, FULL, Case, Study, names
 from research.papers.contents import csv_bytes, json_bytes
-from wavegym.evaluation.files import write_whole
+from wavegym.core.files import write_whole
 
 FIGURE2 = ("policy", "clutter", "tracker", "k", "mse", "low", "high", "kept")
 FILES = ("figure2.csv", "figure3.csv", "figure2.png", "figure3.png", "summary.json")

@@ -174,5 +174,5 @@ def _windows(law: Array, labels: tuple[str, ...], seed: int) -> dict[str, dict[s
 
 
 def _error(values: Array, seed: int) -> dict[str, Any]:
-    median = statistics.median(values) if len(values) else None
+    median = statistics.finite(np.median(values)) if len(values) else None
     return {**plain(mean_estimate(values, seed)), "median": median, "runs": len(values)}

@@ -11,7 +11,7 @@ from research.papers.kershaw_evans.closed_forms import surface
 from research.papers.kershaw_evans.numbers import curve, summarise
 from research.papers.kershaw_evans.pictures import SHOWN, TARGET_LINES, Curves, draw_costs, draw_pulses, draw_surfaces
 from research.papers.kershaw_evans.study import DRAWN, GATE, SCENES, TRACE, Case, Study, system
-from wavegym.evaluation.files import write_whole
+from wavegym.core.files import write_whole
 
 FIGURE1 = ("scene", "objective", "duration", "sweep", "value")
 FIGURE2 = ("scene", "targets", "policy", "field", "k", "mean", "low", "high")

@@ -13,7 +13,7 @@ from research.papers.rf_eo.adaptation import quantiles
 from research.papers.rf_eo.numbers import curve, shown, summarise
 from research.papers.rf_eo.pictures import CURVES, TRACKS, Curves, draw_errors, draw_settings, draw_tracks, hardest
 from research.papers.rf_eo.study import ADAPTIVE, INFORMATION, SCENES, Study
-from wavegym.evaluation.files import write_whole
+from wavegym.core.files import write_whole
 
 FIGURE2 = ("scene", "world", "target", "k", "policy", "true_x", "true_y", "x", "y")
 FIGURE3 = ("scene", "policy", "target", "k", "rms", "low", "high", "nees")

@@ -22,7 +22,7 @@ from research.papers.urban.pictures import (
     no_target,
 )
 from research.papers.urban.study import CLOSED, LOOSE, OPEN, SETTINGS, Case, Study, system
-from wavegym.evaluation.files import write_whole
+from wavegym.core.files import write_whole
 from wavegym.systems.urban.tracker import MODELS
 
 FIGURE3 = ("of", "number", "k", "x", "y", "xdot", "ydot", "no_target")

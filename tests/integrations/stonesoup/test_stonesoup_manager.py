@@ -20,7 +20,7 @@ from wavegym.core.action_sets import Library
 from wavegym.core.errors import InputError
 from wavegym.core.worlds import word
 from wavegym.evaluation import as_policy
-from wavegym.evaluation.task import make_task
+from wavegym.evaluation.play import make_task
 from wavegym.integrations.stonesoup import (
     PolicySensorManager,
     WaveformRadar,

@@ -7,9 +7,8 @@ import pytest
 
 from wavegym.envs.sb3 import SB3VecEnv
 from wavegym.evaluation import as_policy, compare, make_task, world_seeds
-from wavegym.evaluation.adapters import as_policies
+from wavegym.evaluation.adapters import as_policies, saved_agent
 from wavegym.evaluation.play import play
-from wavegym.evaluation.saved import saved_agent
 from wavegym.observations.observer import Observer
 from wavegym.schedulers.planners.base import Observing, SampledFutures
 from wavegym.schedulers.planners.rollout import RolloutPlanner

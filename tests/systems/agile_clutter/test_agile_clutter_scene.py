@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 from scene_plays import drawn, moment_of, of, played
 
-from wavegym.envs.scenes import make_scene
+from wavegym.envs.film import make_scene
 from wavegym.rendering.maps import colour, ellipse
 from wavegym.sensors import inside_gate, range_and_rate
 from wavegym.systems.agile_clutter.scene import draw_map, known_targets, scan_caption, transmitted

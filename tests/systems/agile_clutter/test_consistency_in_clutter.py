@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from wavegym.core.worlds import draw_worlds, world_seeds
-from wavegym.evaluation.task import make_task
+from wavegym.evaluation.play import make_task
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
 

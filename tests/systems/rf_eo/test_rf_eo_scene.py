@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from scene_plays import drawn, moment_of, of, played
 
-from wavegym.envs.scenes import make_scene
+from wavegym.envs.film import make_scene
 from wavegym.rendering.maps import colour
 from wavegym.systems.rf_eo.scene import DECADE, MOST, draw_platform_map, place_of, received_caption
 from wavegym.systems.rf_eo.system import RfEo, RfEoFar

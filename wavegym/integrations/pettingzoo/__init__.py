@@ -23,8 +23,7 @@ try:
 except ImportError as error:
     raise InputError(f"several agents need the extra: {error}; pip install 'wavegym[pettingzoo]'") from None
 
-from wavegym.integrations.pettingzoo.batched import BatchedParallelEnv
-from wavegym.integrations.pettingzoo.parallel import WaveformParallelEnv, parallel_env
+from wavegym.integrations.pettingzoo.parallel import BatchedParallelEnv, WaveformParallelEnv, parallel_env
 from wavegym.integrations.pettingzoo.team import TeamPolicy
 from wavegym.integrations.pettingzoo.views import AgentViews
 

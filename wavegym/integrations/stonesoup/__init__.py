@@ -9,10 +9,10 @@ except ImportError as error:
     raise ImportError("wavegym.integrations.stonesoup needs Stone Soup: pip install 'wavegym[stonesoup]'") from error
 
 from wavegym.integrations.stonesoup.manager import PolicySensorManager, WeightedTraceReward
-from wavegym.integrations.stonesoup.measurement import WaveformMeasurement
 from wavegym.integrations.stonesoup.sensor import (
     ChangeWaveform,
     WaveformActionGenerator,
+    WaveformMeasurement,
     WaveformRadar,
     radars_of,
 )

@@ -1,7 +1,12 @@
-"""The environments by their ids in RLlib, single or as native batches, with action masks on request.
+"""wavegym on Ray: environments for RLlib, and evaluation on a cluster. Needs ``pip install 'wavegym[ray]'``.
 
-RLlib makes an environment in a worker that imports neither wavegym nor the user's modules, so an id alone is unknown
-there. ``register_envs`` hands Ray the environments' specifications.
+    import wavegym.integrations.ray
+
+    wavegym.integrations.ray.register_envs()  # RLlib's workers then know every id
+
+An id makes a single environment or a native batch, with action masks on request. RLlib makes an environment in a worker
+that imports neither wavegym nor the user's modules, so an id alone is unknown there. ``register_envs`` hands Ray the
+environments' specifications.
 """
 
 from __future__ import annotations
@@ -19,7 +24,10 @@ from ray.tune.registry import register_env
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
+from wavegym.core.work import cluster
 from wavegym.registration import list_envs
+
+__all__ = ["cluster", "register_envs"]
 
 MASKS, BATCH = "masks", "num_envs"
 
