@@ -131,8 +131,8 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
     def _scene(self) -> Scene:
         """Kernel arguments: model, platforms whose azimuths count from +y, penalties, and the scalars."""
         fence = np.array([self.sharpness or (SHARPNESS[self.penalty],) * 3, self.height])
-        F, Q = self.motion.F[None].copy(), self.motion.Q[None].copy()
-        return Scene(F, Q, self._seats, fence, self._rules, self._stay)
+        F, Q = (np.repeat(matrix[None], len(self.starts), axis=0) for matrix in (self.motion.F, self.motion.Q))
+        return Scene(F, Q[None], self._seats, fence, self._rules, self._stay)
 
     def target_ranges(self, world: World) -> Array:
         """Of every target at every platform, (env, target, step, platform, 2)."""
@@ -218,7 +218,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         several, settings = self._settings(belief, actions)
         shape = (len(belief.step), settings.shape[1], len(self.starts))
         x, P = np.empty((*shape, 4)), np.empty((*shape, 4, 4))
-        prediction.predict(belief.step, belief.mean, belief.covariance, settings, *self._scene, x, P, NN)
+        prediction.predict(belief.step, belief.mean, belief.covariance, settings, self._scene, x, P, NN)
         step = (belief.step + 1)[:, None].repeat(shape[1], axis=1)
         ahead = Belief(step, x, P, settings[..., 3].copy())
         return ahead if several else Belief(*(part[:, 0] for part in ahead))
@@ -230,7 +230,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         """
         several, settings = self._settings(belief, actions)
         gain = np.empty((len(belief.step), settings.shape[1], len(self.starts)))
-        prediction.information(belief.step, belief.mean, belief.covariance, settings, *self._scene, gain, NN)
+        prediction.information(belief.step, belief.mean, belief.covariance, settings, self._scene, gain, NN)
         if self._come_and_go:
             gain = np.where(self.present(belief.step + 1)[:, None], gain, self.threshold)
         return gain if several else gain[:, 0]
@@ -249,7 +249,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
         out = np.empty((len(belief.step), len(self._decades)))
-        kernels.observe(belief.mean, belief.covariance, belief.looks, self._scene, out, NN)
+        prediction.observe(belief.mean, belief.covariance, belief.looks, self._scene, out, NN)
         logs: Array = np.log(out, out=out)  # one call for all elements is several times faster
         logs *= self._decades
         parts = [logs]
@@ -277,7 +277,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
 
     @property
     def _log_fields(self) -> tuple[ObservationField, ...]:
-        """The observation fields that ``kernels.observe`` fills, before the logarithm."""
+        """The observation fields that ``look_kernels.observe`` fills, before the logarithm."""
         return platform_fields(len(self.starts), len(self.platforms))
 
     def state_info(self, state: State) -> dict[str, Array]:
