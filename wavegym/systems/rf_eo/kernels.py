@@ -31,6 +31,7 @@ from wavegym.systems.rf_eo.look_kernels import (
     look_polar,
     noise_of,
     residual_one,
+    spread_of,
     unfold_one,
     view_all,
     width_of,
@@ -45,6 +46,7 @@ from wavegym.trackers.kernels import (
 )
 from wavegym.trackers.sigma_point_kernels import regression_one, sigma_points_one
 
+FAINT = 1e-6  # least observed value of a quantity or its standard deviation: keeps log10 finite
 SECOND_ORDER = 0.1  # standard deviations: a greater linearisation error makes the update iterate
 CONVERGED = 1e-3  # standard deviations: the iteration ends when the estimate moves by less
 
@@ -392,6 +394,37 @@ def track(step, mean, P, z, R, settings, scene, x, P_out, nn):
             refine_one(i, x, P_out, u, part, h, H, aimed, rules, y, d, v, nn)
         else:
             update_one(i, x, P_out, u, part, h, H, y, d, v, nn)
+
+
+@kernel
+def observe(mean, P, looks, scene, out, nn):
+    """out (e, elements): the observation before its logarithm is taken; variances in place of standard deviations.
+
+    For every target, as predicted one step ahead: variances of position and velocity, then for each platform
+    |(r, rdot, azimuth)|, each followed by its variance.
+    """
+    places, rules = scene.places, scene.rules
+    n, rows = len(nn), 3 * places.shape[0]
+    T, H, h = np.empty((n, n)), np.empty((rows, n)), np.empty(rows)
+    x, V = np.empty((mean.shape[1], n)), np.empty((mean.shape[1], n, n))
+    aimed = np.empty(places.shape)
+    for e in range(mean.shape[0]):
+        column = 0
+        aim_all(looks[e], places, aimed)
+        Q = noise_of(e, scene)
+        for t in range(mean.shape[1]):
+            predict_mean_one(t, mean[e], scene.F, t, x, nn)
+            predict_covariance_one(t, P[e], scene.F, Q, t, T, V, nn)
+            look_one(t, x, aimed, rules, h, H)
+            out[e, column] = V[t, 0, 0] + V[t, 2, 2]
+            out[e, column + 1] = V[t, 1, 1] + V[t, 3, 3]
+            column += 2
+            for j in range(places.shape[0]):
+                for q in range(3):
+                    a = 3 * j + q
+                    out[e, column] = max(abs(h[a]), FAINT)
+                    out[e, column + 1] = max(spread_of(q, t, V, H, a), FAINT * FAINT)
+                    column += 2
 
 
 @inlined

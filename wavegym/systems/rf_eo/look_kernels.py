@@ -73,7 +73,6 @@ class Scene(NamedTuple):
 
 
 SURE = 5.0  # a fold is certain where each other is exp(SURE^2 / 2) times less likely: wrong with Q(SURE) = 3e-7
-FAINT = 1e-6  # least observed value of a quantity or its standard deviation: keeps log10 finite
 CERTAIN = 8.0  # standard deviations from an edge beyond which the side is taken as certain
 
 
@@ -400,34 +399,3 @@ def information(step, mean, P, settings, scene, out, nn):
                 for a in range(len(off)):
                     off[a] = off_look(h[t, a], own[c, a // 3, 3], a % 3)
                 out[e, c, t] = information_one(t, V, off, H[t], variance, low, high, fence, rules)
-
-
-@kernel
-def observe(mean, P, looks, scene, out, nn):
-    """out (e, elements): the observation before its logarithm is taken; variances in place of standard deviations.
-
-    For every target, as predicted one step ahead: variances of position and velocity, then for each platform
-    |(r, rdot, azimuth)|, each followed by its variance.
-    """
-    places, rules = scene.places, scene.rules
-    n, rows = len(nn), 3 * places.shape[0]
-    T, H, h = np.empty((n, n)), np.empty((rows, n)), np.empty(rows)
-    x, V = np.empty((mean.shape[1], n)), np.empty((mean.shape[1], n, n))
-    aimed = np.empty(places.shape)
-    for e in range(mean.shape[0]):
-        column = 0
-        aim_all(looks[e], places, aimed)
-        Q = noise_of(e, scene)
-        for t in range(mean.shape[1]):
-            predict_mean_one(t, mean[e], scene.F, t, x, nn)
-            predict_covariance_one(t, P[e], scene.F, Q, t, T, V, nn)
-            look_one(t, x, aimed, rules, h, H)
-            out[e, column] = V[t, 0, 0] + V[t, 2, 2]
-            out[e, column + 1] = V[t, 1, 1] + V[t, 3, 3]
-            column += 2
-            for j in range(places.shape[0]):
-                for q in range(3):
-                    a = 3 * j + q
-                    out[e, column] = max(abs(h[a]), FAINT)
-                    out[e, column + 1] = max(spread_of(q, t, V, H, a), FAINT * FAINT)
-                    column += 2

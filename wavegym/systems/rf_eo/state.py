@@ -83,7 +83,7 @@ def received_values(measurements: Any) -> Array:
 def platform_fields(targets: int, platforms: int) -> tuple[ObservationField, ...]:
     """Each target's uncertainty, and the predicted measurements of it at each platform, one step ahead.
 
-    In the order in which ``look_kernels.observe`` fills them.
+    In the order in which ``kernels.observe`` fills them.
     """
     listed = []
     for t in range(1, targets + 1):

@@ -320,7 +320,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
         out = np.empty((len(belief.step), len(self._decades)))
-        prediction.observe(belief.mean, belief.covariance, belief.looks, self._assumed(belief), out, NN)
+        kernels.observe(belief.mean, belief.covariance, belief.looks, self._assumed(belief), out, NN)
         logs: Array = np.log(out, out=out)  # one call for all elements is several times faster
         logs *= self._decades
         parts = [logs]
@@ -348,7 +348,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
 
     @property
     def _log_fields(self) -> tuple[ObservationField, ...]:
-        """The observation fields that ``look_kernels.observe`` fills, before the logarithm."""
+        """The observation fields that ``kernels.observe`` fills, before the logarithm."""
         return platform_fields(len(self.starts), len(self.platforms))
 
     def state_info(self, state: State) -> dict[str, Array]:
