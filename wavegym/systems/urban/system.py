@@ -20,7 +20,7 @@ from wavegym.sensors import Antenna, Multistatic, range_and_rate
 from wavegym.sensors.detection import detected_snr_table, detection_table
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import Point, UrbanMap
-from wavegym.systems.urban import figure_kernels, kernels
+from wavegym.systems.urban import kernels
 from wavegym.systems.urban.receivers import UrbanReceivers
 from wavegym.systems.urban.state import (
     Belief,
@@ -450,7 +450,7 @@ class Urban(System, DecisionMakers, TimedPulses):
         x, P, mu, existence = (for_kernel(leaf).reshape(-1, *leaf.shape[lead:]) for leaf in belief[1:5])
         each = np.empty(existence.shape)
         sizes = (0,) * x.shape[3], (0,) * x.shape[2]
-        figure_kernels.costs(x, P, mu, existence, self._weights, self.absent, each, *sizes)
+        kernels.costs(x, P, mu, existence, self._weights, self.absent, each, *sizes)
         return np.add.reduce(each[:, : self.charged], axis=1).reshape(belief.existence.shape[:-1])
 
     def trace(self, belief: Belief) -> Array:

@@ -230,7 +230,7 @@ class UrbanTracker:
                 f"z and count have shapes {z.shape} and {count.shape}, expected ({envs}, {pairs}, most, {size}) and "
                 f"({envs}, {pairs})"
             )
-        if not scan_kernels.are_counts(count, z.shape[2]):
+        if not tracker_kernels.are_counts(count, z.shape[2]):
             wrong = (count < 0) | (count > z.shape[2]) | (count != np.floor(count))
             raise InputError(f"count is {count[wrong][0]:g}, expected an integer from 0 to {z.shape[2]}, the size of z")
         after, waves, count = self._copied(tracks), self._waves(R, snr, envs), count.astype(np.int64)
@@ -247,7 +247,7 @@ class UrbanTracker:
         (env, pair, most, m, m), 0 beyond the measurements.
         """
         errors = np.zeros((*z.shape, self.quantities))
-        scan_kernels.direct_errors(z, count, R, snr, self.constants, errors, self._sizes[-1])
+        tracker_kernels.direct_errors(z, count, R, snr, self.constants, errors, self._sizes[-1])
         return errors
 
     def expect(self, tracks: Tracks, R: ArrayLike, snr: ArrayLike) -> Tracks:
@@ -279,7 +279,7 @@ class UrbanTracker:
             raise InputError(
                 f"R and snr have shapes {np.shape(R)} and {np.shape(snr)}, expected {(*lead, 2, 2)} and {lead}"
             ) from None
-        if not scan_kernels.are_waves(covariance, ratio):
+        if not tracker_kernels.are_waves(covariance, ratio):
             check_elements(check_positive, "snr", ratio)
             raise InputError(f"R is {np.asarray(R).tolist()}, expected positive definite matrices")
         return covariance, ratio
@@ -294,7 +294,7 @@ class UrbanTracker:
         return effective_snr_table(self.false_alarm, self.fluctuation, self.searched)
 
     @cached_property
-    def constants(self) -> scan_kernels.TrackerConstants:
+    def constants(self) -> tracker_kernels.TrackerConstants:
         """Everything that kernels need."""
         grid = Grid.over(self.urban_map, (*self.transmitters, *self.receivers), self.cell)
         lines = self.axes or ((1.0, 0.0),) * len(self.receivers)
@@ -305,7 +305,7 @@ class UrbanTracker:
         changes = TRANSITION
         if self.stay is not None:
             changes = np.where(np.eye(models, dtype=np.bool_), self.stay, (1.0 - self.stay) / (models - 1))
-        return scan_kernels.TrackerConstants(
+        return tracker_kernels.TrackerConstants(
             transmitters=np.array([t for t, _ in pairs]), receivers=np.array([r for _, (r, _) in pairs]),
             axes=np.array([axis for _, (_, axis) in pairs], np.float64), elements=self.elements,
             F=np.stack([model.F for model in self.motion]), Q=np.stack([model.Q for model in self.motion]),
