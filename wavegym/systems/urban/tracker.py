@@ -19,6 +19,7 @@ from itertools import product
 from typing import Literal, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
@@ -110,7 +111,8 @@ class UrbanTracker:
         cell: width of the cells of the grid, m.
 
     Raises:
-        InputError: an invalid value or an antenna in a building, or antennas that cannot locate a target.
+        InputError: an invalid value, an antenna in a building or far from all roads, or antennas that cannot locate
+            a target.
     """
 
     urban_map: UrbanMap
@@ -169,7 +171,17 @@ class UrbanTracker:
             check_probability("stay", self.stay)
         check_elements(lambda name, value: check_within(name, value, 0.0, 1.0), "drop", self.drop)
         check_elements(check_non_negative, "merge", self.merge)
+        self._check_antennas()
         _ = self.constants
+
+    def _check_antennas(self) -> None:
+        """InputError for an antenna too far from all roads to receive an echo."""
+        for name in ("transmitters", "receivers"):
+            for place in getattr(self, name):
+                away = self.urban_map.paved.distance(shapely.Point(place))
+                if away > 2.0 * self.reach:
+                    wanted = f"at most twice the reach, {2.0 * self.reach:g} m: farther echoes are not received"
+                    raise InputError(f"{name} has {place}, {away:g} m from the nearest road, expected {wanted}")
 
     @cached_property
     def motion(self) -> tuple[MotionModel, ...]:
