@@ -172,6 +172,7 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"as_printed": True}, r"as_printed is True, expected False with folding"),
     ],
     "Urban": [
+        ({"tracker": ExtendedKalman()}, r"tracker is <.*, expected one of 'vsimm', 'ncv'"),
         ({"city": "intersektion"}, "city is 'intersektion', expected one of 'intersection'"),
         ({"transmitters": ((2000.0, 1600.0),)}, "inside a building"),
         ({"transmitters": ((0.0, 0.0),)}, r"transmitters has \(0\.0, 0\.0\), .* m from the nearest road"),
@@ -199,6 +200,7 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"pulses": 10**8}, r"takes 100000 s, expected at most the step, .* \(nearest: 250 pulses\)"),
     ],
     "MultifunctionRadar": [
+        ({"tracker": "ekf"}, "tracker is 'ekf', expected one of 'imm'"),
         ({"speeds": (300.0, 100.0)}, r"speeds is .* expected the least first \(nearest: \(100.0, 300.0\)\)"),
         ({"sectors": 200}, r"sectors is 200, expected each as wide as a beam or wider \(nearest: 120\)"),
         ({"interval": 100e-6}, "range of 6 pulses folds at 14989.6 m"),

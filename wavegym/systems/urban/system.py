@@ -85,7 +85,8 @@ class Urban(System, DecisionMakers, TimedPulses):
         its line and the direction of arrival, with variance 12 / (pi^2 (3^2 - 1) eta). It cannot tell a direction from
         its mirror image in the line, so the lines of two receivers stand at right angles.
 
-        The tracker starts, confirms and ends tracks: LMIPDA and a variable-structure IMM of unscented filters.
+        The tracker starts, confirms and ends tracks: LMIPDA and a variable-structure IMM of unscented filters. A
+        tracker of your own does not fit: its estimate has a fixed number of targets and no probabilities of existence.
 
     Rewards
         Minus the cost: the sum over the ``charged`` slots of least cost of r min(trace(Lambda P), c0) + (1 - r) c0. r
