@@ -1,4 +1,4 @@
-"""Trackers of other packages in a Kershaw-Evans loop: the same worlds, the same costs, the shipped agent."""
+"""Trackers of other packages and of one's own: the same worlds, the same costs, the shipped agent."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from wavegym.evaluation import compare
 from wavegym.schedulers.registry import SCHEDULERS
 from wavegym.systems.composed import LinearTargets, LineOfSightRadar, Loop, Pulses, WeightedTrace
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
+from wavegym.systems.rf_eo.system import RfEo, RfEoFar
 from wavegym.testing import check_vector_env
 from wavegym.testing.shortcut_check import shortcut_defect
 from wavegym.trackers.protocol import Estimate, ExtendedKalman, MeasurementModel, Scan
@@ -96,13 +97,58 @@ def test_a_tracker_of_ones_own_passes_the_check_of_shortcuts() -> None:
     assert shortcut_defect(KershawEvans(tracker="own_parts.trackers:filterpy_ekf", horizon=6)) is None
 
 
+ONE = {"platforms": ((-1e3, -1e3),), "iterations": 1}
+NEAR = {"first_estimate": "drawn", "prior_variance": (1e3, 4.0, 1e3, 4.0)}
+FAR = {"folding": True, "prf": (2e3, 1e5), "starts": ((-5e3, 0.0, 20e3, 230.0), (0.0, 0.0, 30e3, -210.0))}
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {}, {"slew_rate": 0.3}, {"as_printed": True}, {"out_of_view": "inflated"}, {"births": (0, 5), "lifetime": 12},
+        FAR, {"looks": (3.0,), "starts": ((-1e3, 0.0, -3e3, 0.0), (-1e3, 3.0, -2e3, 1.0))},
+    ],
+)  # fmt: skip
+def test_a_kalman_filter_of_ones_own_is_that_of_one_platform(settings) -> None:
+    """The compiled filter with one linearisation updates by single quantities, this one by all that come together.
+
+    The last case: azimuths on both sides of pi.
+    """
+    settings = {**ONE, **NEAR, **settings}
+    system, own = RfEo(**settings), RfEo(**settings, tracker=ExtendedKalman())
+    worlds, rng, received = oracles.worlds(system, 4), np.random.default_rng(3), []
+    state, other = system.initial(worlds), own.initial(worlds)
+    for _ in range(30):
+        action = rng.uniform(-1.0, 1.0, (4, len(system.action_set.box)))
+        state, other = system.transition(state, action, worlds), own.transition(other, action, worlds)
+        received.append(state.truth.received)
+        np.testing.assert_array_equal(other.truth.received, state.truth.received)
+        deviation = np.sqrt(np.diagonal(state.belief.covariance, axis1=-2, axis2=-1))
+        np.testing.assert_allclose(other.belief.mean / deviation, state.belief.mean / deviation, rtol=1e-9, atol=1e-7)
+        scale = deviation[..., :, None] * deviation[..., None, :]
+        np.testing.assert_allclose(other.belief.covariance / scale, state.belief.covariance / scale, atol=1e-7)
+    assert "out_of_view" in settings or len(np.unique(received)) > 1
+
+
+def test_a_filter_for_one_target_plays_with_several_platforms() -> None:
+    system, other = (RfEo(**NEAR, tracker=by) for by in (ExtendedKalman(), "own_parts.trackers:filterpy_ekf"))
+    worlds, action = oracles.worlds(system, 2), np.zeros((2, 6))
+    state, same = system.initial(worlds), other.initial(worlds)
+    for _ in range(5):
+        state, same = system.transition(state, action, worlds), other.transition(same, action, worlds)
+    np.testing.assert_allclose(same.belief.mean, state.belief.mean, rtol=1e-9)
+    np.testing.assert_allclose(same.belief.covariance, state.belief.covariance, rtol=1e-9, atol=1e-9)
+
+
 @pytest.mark.slow
-def test_a_tracker_with_a_memory_conforms_in_both_loops() -> None:
+def test_a_tracker_with_a_memory_conforms_in_every_loop() -> None:
     """Resets of single environments, unpickled copies, and schedulers that predict with its own process noise."""
     from own_parts.trackers import AdaptiveNoise
 
-    check_vector_env(ID, tracker=AdaptiveNoise(), horizon=6)
+    for id in (ID, "wavegym/RfEo-v0"):
+        check_vector_env(id, tracker=AdaptiveNoise(), horizon=6)
     assert shortcut_defect(KershawEvansPosition(tracker=AdaptiveNoise(), horizon=6)) is None
+    assert shortcut_defect(RfEo(tracker=AdaptiveNoise(), horizon=6)) is None
     own = KershawEvansPosition()
     targets = LinearTargets(own.motion, ((15e3, 0.0),) * 2, ((25e3, 300.0),) * 2, own.prior_variance)
     parts = {"sensor": LineOfSightRadar(), "waveforms": Pulses(own.actions, own.carrier_hz)}
@@ -146,6 +192,25 @@ def test_schedulers_predict_with_the_process_noise_that_the_tracker_believes_in(
             shortcuts.innovation_covariance(system, told, every)[e],
             shortcuts.innovation_covariance(model, alone, every)[0],
         )
+
+
+def test_platforms_are_scheduled_with_the_process_noise_of_each_target() -> None:
+    """As above; four times the noise in one environment of two."""
+    system, other = (RfEoFar(q=q) for q in (1.0, 4.0))
+    belief = system.initial(oracles.worlds(system, 2)).belief
+    noise = np.stack([np.stack([model.motion.Q] * 2) for model in (system, other)])
+    told, every = belief._replace(process_noise=noise), system.candidates()[None, ::60]
+    found, observed = system.predict(told, every), system.observe(told)
+    for e, model in enumerate((system, other)):
+        alone = oracles.rows(belief, slice(e, e + 1))
+        np.testing.assert_array_equal(found.covariance[e], model.predict(alone, every).covariance[0])
+        np.testing.assert_array_equal(found.process_noise[e], np.broadcast_to(noise[e], found.covariance[e].shape))
+        np.testing.assert_array_equal(observed[e], model.observe(alone)[0])
+        np.testing.assert_array_equal(system.information(told, every)[e], model.information(alone, every)[0])
+        for kind, more in ((shortcuts.best_action, ()), (shortcuts.most_information, ()), (shortcuts.plan, (2,))):
+            one, all = (kind.of(s)(b, *more) for s, b in ((model, alone), (system, told)))
+            for a, b in zip(*((x if isinstance(x, tuple) else (x,)) for x in (one, all)), strict=True):
+                np.testing.assert_array_equal(b[e], a[0])
 
 
 class Forgetful(ExtendedKalman):

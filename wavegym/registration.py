@@ -51,7 +51,7 @@ SYSTEMS = {
     "wavegym/RfEo-v0": Registration(f"{LOOPS}.rf_eo.system:RfEo", f"{LOOPS}.rf_eo.scene:PlatformScene"),
     "wavegym/RfEoFar-v0": Registration(f"{LOOPS}.rf_eo.system:RfEoFar"),
     "wavegym/Urban-v0": Registration(f"{LOOPS}.urban.system:Urban", f"{LOOPS}.urban.scene:UrbanScene"),
-    "wavegym/UrbanSignal-v0": Registration(f"{LOOPS}.urban.signal:UrbanSignal"),
+    "wavegym/UrbanSignal-v0": Registration(f"{LOOPS}.urban.system:UrbanSignal"),
     "wavegym/CameraSlew-v0": Registration(
         f"{LOOPS}.camera_slew.system:CameraSlew", f"{LOOPS}.camera_slew.scene:CameraScene"
     ),

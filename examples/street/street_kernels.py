@@ -16,7 +16,6 @@ from wavegym.sensors.geometry_kernels import (
     snr_at,
 )
 from wavegym.systems.urban.kernels import DRIVERS, measure_clutter
-from wavegym.systems.urban.scan_kernels import predicted_for, scratch_for, slots_of
 from wavegym.systems.urban.tracker_kernels import (
     EMPTY,
     HIDDEN,
@@ -26,7 +25,10 @@ from wavegym.systems.urban.tracker_kernels import (
     place_of,
     predict_measurements,
     predict_tracks,
+    predicted_for,
+    scratch_for,
     shrink,
+    slots_of,
     whiten_gain,
 )
 

@@ -12,8 +12,7 @@ from filterpy.kalman import IMMEstimator, JulierSigmaPoints, UnscentedKalmanFilt
 from research.benchmarks.timing import Ratio, compare
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.sensors import multistatic_range_and_rate
-from wavegym.systems.urban.signal import UrbanSignal
-from wavegym.systems.urban.system import Urban
+from wavegym.systems.urban.system import Urban, UrbanSignal
 from wavegym.systems.urban.tracker import TRANSITION, Tracks
 from wavegym.trackers import imm_ukf_scan
 from wavegym.waveforms import measurement_covariances

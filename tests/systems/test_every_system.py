@@ -34,6 +34,7 @@ NEAR: dict[str, Any] = {  # targets within the blind ranges of pulses; the secon
 }  # fmt: skip
 IN_CLUTTER = ("AgileClutter", "BeamAllocation", "EnergyBudget", "EnergyBudgetKnown")
 COMING = {"births": (0, 3), "lifetime": 9, "action": "library"}
+OWN = {"tracker": "wavegym.trackers.protocol:ExtendedKalman"}
 FORMS: tuple[Variant, ...] = (
     ("AgileClutter", {"tracker": "jpda", "action": "joint"}),
     ("AgileClutter", {"tracker": "particle", "particles": 20, "action": "box"}),
@@ -48,6 +49,8 @@ FORMS: tuple[Variant, ...] = (
     ("Urban", {"transmitters": ((2085.0, 1470.5), (2060.0, 1530.0))}),
     ("CameraSlew", {"platforms": ((0.0, 0.0), (1e3, -2e3))}),
     ("SectorSetup", {"dead_steps": 0, "turn_rate": 0.05}),
+    ("RfEo", {**OWN, **COMING, "slew_rate": 0.2, "turns": 3, "points": (2, 1, 2)}),
+    ("RfEoFar", {**OWN, "action": "library"}),
 )
 EVERY = pytest.mark.parametrize(
     ("name", "settings"),
@@ -285,11 +288,15 @@ def test_tracker_and_schedulers_keep_their_assumptions(name, settings):
 
 
 FOUR = ((-5e3, 0.0, 20e3, 230.0), (0.0, 0.0, 30e3, -210.0), (12e3, -150.0, 45e3, 60.0), (-20e3, 180.0, 55e3, -120.0))
+NARROW = {  # one linearisation is enough
+    "first_estimate": "drawn", "prior_variance": (25.0, 0.25, 25.0, 0.25), "pixel_angle": (1e-3, 6e-3), "horizon": 60
+}  # fmt: skip
 CONSISTENT: list[tuple[str, dict[str, Any], str, int]] = [
     *(("KershawEvans", settings, "random", 600) for settings in ({}, FORMS[7][1])),
     *((name, {}, policy, 300) for name in ("KershawEvans", "KershawEvansPosition")
       for policy in ("random", "myopic", "lookahead:2")),
     ("RfEo", {}, "random", 200),
+    ("RfEo", {**OWN, **NARROW}, "random", 200),
     ("RfEoFar", {}, "random", 300),
     ("RfEoFar", {"q": 100.0, "starts": FOUR, "horizon": 60}, "random", 150),
     ("RfEoFar", {}, "myopic", 50),

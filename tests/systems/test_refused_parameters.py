@@ -12,6 +12,9 @@ import pytest
 
 from wavegym.core.errors import InputError
 from wavegym.evaluation.play import make_task
+from wavegym.targets import constant_velocity
+from wavegym.trackers.imm import ImmKalman
+from wavegym.trackers.protocol import ExtendedKalman
 
 FOUR = (0.0,) * 4
 REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
@@ -138,6 +141,12 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"weights": np.eye(3)}, r"weights has rows of \[3, 3, 3\] elements, expected 4 numbers, or 4 rows of 4"),
         ({"weights": np.zeros((4, 4))}, "sum of weights is 0.0"),
         ({"penalty": "logistc"}, "penalty is 'logistc'.*'logistic'"),
+        ({"tracker": "ekff"}, "tracker is 'ekff', expected one of 'ekf'; did you mean 'ekf'"),
+        ({"tracker": ExtendedKalman}, r"tracker is <class .*, expected an object with predict.*nearest: OneByOne"),
+        (
+            {"tracker": ImmKalman((constant_velocity(1.0, 1.0),)), "births": (0, 9)},
+            r"tracker ImmKalman has a memory, expected one without begin\(.*\) where targets come and go",
+        ),
         ({"action": "joint", "platforms": ((0.0, 0.0),) * 8}, r"joint actions are 16\^8.*nearest action: 'library'"),
         ({"births": (0,)}, r"births is \(0,\), expected 2 steps, one for each of starts"),
         ({"births": (0, 1000)}, "greatest of births is 1000.*nearest: 999"),
@@ -163,6 +172,7 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"as_printed": True}, r"as_printed is True, expected False with folding"),
     ],
     "Urban": [
+        ({"tracker": ExtendedKalman()}, r"tracker is <.*, expected one of 'vsimm', 'ncv'"),
         ({"city": "intersektion"}, "city is 'intersektion', expected one of 'intersection'"),
         ({"transmitters": ((2000.0, 1600.0),)}, "inside a building"),
         ({"transmitters": ((0.0, 0.0),)}, r"transmitters has \(0\.0, 0\.0\), .* m from the nearest road"),
@@ -190,6 +200,7 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"pulses": 10**8}, r"takes 100000 s, expected at most the step, .* \(nearest: 250 pulses\)"),
     ],
     "MultifunctionRadar": [
+        ({"tracker": "ekf"}, "tracker is 'ekf', expected one of 'imm'"),
         ({"speeds": (300.0, 100.0)}, r"speeds is .* expected the least first \(nearest: \(100.0, 300.0\)\)"),
         ({"sectors": 200}, r"sectors is 200, expected each as wide as a beam or wider \(nearest: 120\)"),
         ({"interval": 100e-6}, "range of 6 pulses folds at 14989.6 m"),

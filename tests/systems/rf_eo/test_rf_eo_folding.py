@@ -143,7 +143,7 @@ def test_a_planted_defect_is_noticed(monkeypatch):
     system = RfEoFar(horizon=10, prior_variance=(9e6, 2500.0, 9e6, 2500.0))
     worlds = oracles.worlds(system, 100)
     choose = at_random(system, 100)
-    _, mean, P, _ = system.initial(worlds).belief
+    _, mean, P, *_ = system.initial(worlds).belief
     state = system.initial(worlds)
     state = state._replace(
         belief=state.belief._replace(mean=mean, covariance=P * 1e-2)

@@ -154,7 +154,7 @@ def test_transition_is_the_plain_step(settings):
     state = system.initial(worlds)
     for k in range(system.horizon):
         actions = rng.uniform(-1, 1, (2, 3 * len(system.platforms)))
-        chosen, (truth, *_), (_, mean, P, _) = system.action_set.settings(actions), *state
+        chosen, (truth, *_), (_, mean, P, *_) = system.action_set.settings(actions), *state
         state = system.transition(state, actions, worlds)
         for e in range(2):
             predicted = [plain.predict_ahead(system, *of, chosen[e]) for of in zip(mean[e], P[e], strict=True)]

@@ -6,8 +6,7 @@ import numpy as np
 import oracles
 import pytest
 
-from wavegym.systems.urban.signal import UrbanSignal
-from wavegym.systems.urban.system import Urban
+from wavegym.systems.urban.system import Urban, UrbanSignal
 
 SYSTEM = Urban()
 ELSEWHERE = (  # drawn once at random among places outside all buildings

@@ -11,8 +11,7 @@ from scipy import stats
 
 from wavegym.core.system import State
 from wavegym.sensors import detection_probability
-from wavegym.systems.urban.signal import UrbanSignal
-from wavegym.systems.urban.system import Urban
+from wavegym.systems.urban.system import Urban, UrbanSignal
 
 PLAIN = "roads = [{centre = [[1900, 1505], [2200, 1505]], width = 30}]"
 SCAN = 30

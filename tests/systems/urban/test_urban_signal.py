@@ -12,8 +12,7 @@ import pytest
 from wavegym.core.system import State
 from wavegym.schedulers.registry import make_policy
 from wavegym.sensors import multistatic_range_and_rate
-from wavegym.systems.urban.signal import UrbanSignal
-from wavegym.systems.urban.system import Urban
+from wavegym.systems.urban.system import Urban, UrbanSignal
 from wavegym.waveforms import SPEED_OF_LIGHT, measurement_covariances
 
 SYSTEM = UrbanSignal()

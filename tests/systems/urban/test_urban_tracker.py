@@ -11,7 +11,7 @@ from wavegym.core.parameters import make_checked
 from wavegym.sensors import Road, UrbanMap, mean_inverse_detected_snr, multistatic_range_and_rate
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multistatic import Multistatic
-from wavegym.systems.urban import scan_kernels
+from wavegym.systems.urban import tracker_kernels
 from wavegym.systems.urban.scan_kernels import claim_ghosts
 from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, TENTATIVE, Tracks, UrbanTracker
 from wavegym.trackers import imm_combine, predict, ukf_update
@@ -194,8 +194,8 @@ def test_ghosts_have_the_covariance_of_the_snr_of_errors(error_snr):
     returns, reflected = pair.measure(state)[over_walls], pair.reflected[over_walls]
     assert len(returns) > 1
     tracks = held(tracker, state, existence=1.0)
-    own = scan_kernels.slots_of(0, *tracks._replace(P=1e-12 * tracks.P)[:6])
-    scratch, zeros = scan_kernels.scratch_for(tracker.slots, 1, 6, 2), ((0,) * 6, (0,), (0,) * 2)
+    own = tracker_kernels.slots_of(0, *tracks._replace(P=1e-12 * tracks.P)[:6])
+    scratch, zeros = tracker_kernels.scratch_for(tracker.slots, 1, 6, 2), ((0,) * 6, (0,), (0,) * 2)
     for z in returns:
         wanted, ghosts, claims = 0.0, np.zeros(1), np.zeros(1)
         for h, left in zip(returns, reflected, strict=True):

@@ -14,9 +14,8 @@ import numpy as np
 from wavegym.core.array_kernels import copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
-from wavegym.systems.rf_eo.kernels import move_one, receive_one
-from wavegym.systems.rf_eo.look_kernels import gain_of, look_one, look_polar
-from wavegym.systems.rf_eo.tracker_kernels import absorb_one, iterate_one, residual_one
+from wavegym.systems.rf_eo.kernels import iterate_one, move_one, receive_one
+from wavegym.systems.rf_eo.look_kernels import absorb_one, gain_of, look_one, look_polar, residual_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, shrink_one
 from wavegym.trackers.polar_kernels import (
     AZIMUTH,

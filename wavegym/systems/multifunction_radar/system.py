@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -54,7 +54,8 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
 
         Targets cross the region on all sides and manoeuvre: a Markov chain switches between two densities of white
         acceleration. Each track is an IMM of these two models with a probability of existence. The belief also holds
-        the intensity of targets without a track. Above about 20 targets the radar is overloaded.
+        the intensity of targets without a track. Above about 20 targets the radar is overloaded. A tracker of your own
+        does not fit: its estimate has a fixed number of targets and no probabilities of existence.
 
     Rewards
         -c, the cost of the dwell: the integral over its duration of the expected squared GOSPA distance, in m^2 s.
@@ -93,6 +94,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         "standard deviations of the first estimates in position and velocity, on each axis",
         unit="m, m/s",
     )
+    tracker: Literal["imm"] = parameter("imm", "the tracker of the description", unit="")
     slots: Count = parameter(64, "maximum number of tracks", le=1000)
     sectors: Count = parameter(12, "number of search sectors", le=360)
     bins: Count = parameter(7, "number of range bins of the intensity of undetected targets", le=100)

@@ -152,7 +152,7 @@ class PlatformActions:
         """PRF, bandwidth and pixel angle of every platform, (..., platform, 3), for ``actions``; 4 with its turn."""
         if self.form == "box":
             values = self.box.decode(actions)
-            return values.reshape(*values.shape[:-1], self.platforms, len(self.one))
+            return values.reshape(*values.shape[:-1], self.platforms, -1)
         indices = self.joint.indices.take(actions, axis=0) if self.form == "joint" else actions
         return self._library_settings.take(indices, axis=0)
 

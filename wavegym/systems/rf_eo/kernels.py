@@ -1,7 +1,14 @@
 """The RF/EO loop in compiled form: move the targets, measure them, track them.
 
 Shapes and arguments as in ``look_kernels.py``. The world and the tracker have numbers of their own: ``true_rules`` and
-the field of view ``true_view`` are the world's. A view is the tuple of variance, low and high, (p, 3) each.
+the field of view ``true_view`` are the world's. A view is the tuple of variance, low and high, (p, 3) each. ``i`` is
+the entry of the means x (i, n) and covariances P (i, n, n). z and R (a,): measurements and the variances that the
+tracker assumes, infinite where nothing was received.
+
+The tracker is an extended Kalman filter that improves on its linearisation. Where the second-order terms of a
+measurement are small over the spread of the prior, one linearisation is enough. Otherwise the update iterates
+(Gauss-Newton). Where they are not small over the spread of the posterior either, as after a range alone, the posterior
+bends: it is linearised by regression over its own spread.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -12,21 +19,36 @@ import numpy as np
 from wavegym.core.array_kernels import copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.folding_kernels import apparent
-from wavegym.sensors.platform_kernels import penalty_one, polar
+from wavegym.sensors.platform_kernels import penalty_one, polar, wrapped
 from wavegym.systems.rf_eo.look_kernels import (
+    ALL,
+    absorb_one,
     aim_all,
     hidden_half,
     information_one,
     is_here,
     look_one,
+    look_polar,
+    noise_of,
+    residual_one,
     spread_of,
+    unfold_one,
     view_all,
     width_of,
 )
-from wavegym.systems.rf_eo.tracker_kernels import curved_one, refine_one, unfold_one, update_one
-from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, squared_mahalanobis_one
+from wavegym.trackers.kernels import (
+    correct_one,
+    gain_one,
+    predict_covariance_one,
+    predict_mean_one,
+    shrink_one,
+    squared_mahalanobis_one,
+)
+from wavegym.trackers.sigma_point_kernels import regression_one, sigma_points_one
 
 FAINT = 1e-6  # least observed value of a quantity or its standard deviation: keeps log10 finite
+SECOND_ORDER = 0.1  # standard deviations: a greater linearisation error makes the update iterate
+CONVERGED = 1e-3  # standard deviations: the iteration ends when the estimate moves by less
 
 
 @kernel
@@ -85,6 +107,156 @@ def move_one(i, truth, F, L, process, truth_out, nn):
 
 
 @inlined
+def curved_one(i, x, P, h, R):
+    """Whether the measurement's second-order terms matter over the prior's spread, so that the update has to iterate.
+
+    For a displacement d across the line of sight, the second-order term of the range is d^2 / 2r, that of the azimuth
+    d^2 / 2r^2, those of the range-rate d / r times the velocity's spread and d^2 / 2r^2 times the speed.
+    """
+    spread = P[i, 0, 0] + P[i, 2, 2]
+    restless = P[i, 1, 1] + P[i, 3, 3]
+    squared_speed = x[i, 1] * x[i, 1] + x[i, 3] * x[i, 3]
+    most = SECOND_ORDER * SECOND_ORDER
+    for j in range(h.shape[0] // 3):
+        r = h[3 * j]
+        bend = 0.5 * spread / r
+        turn = bend / r
+        if bend * bend > most * R[3 * j] or turn * turn > most * R[3 * j + 2]:
+            return True
+        if spread * restless / (r * r) + squared_speed * turn * turn > most * R[3 * j + 1]:
+            return True
+    return False
+
+
+@kernel
+def iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, is_polar, nn):
+    """Gauss-Newton update: linearise again at each new estimate, starting from the prediction x[i], P[i] with h, H.
+
+    ``is_polar``: x[i] is the polar state about the first platform. Ends when the estimate moves by less than CONVERGED
+    standard deviations, or after ``rules.iterations``.
+    """
+    n = len(nn)
+    prior, at = P[i].copy(), x[i : i + 1].copy()
+    for spent in range(1, rules.iterations + 1):
+        copy_matrix(prior, P[i])
+        absorb_one(i, P, H, y, R, d, v, nn)
+        moved = 0.0
+        for k in range(n):
+            step = x[i, k] + d[k] - at[0, k]
+            moved = max(moved, step * step / P[i, k, k])
+            at[0, k] = x[i, k] + d[k]
+        if moved < CONVERGED * CONVERGED or spent == rules.iterations:
+            break
+        if is_polar:
+            look_polar(0, at, places, rules, h, H)
+        else:
+            look_one(0, at, places, rules, h, H)
+        residual_one(z, h, y)
+        for a in range(h.shape[0]):
+            for k in range(n):
+                y[a] += H[a, k] * (at[0, k] - x[i, k])
+    for k in range(n):
+        x[i, k] = at[0, k]
+
+
+@inlined
+def values_one(points, h, places, rules, values):
+    """values (2 n, a): the quantities of every platform at the points (2 n, n); azimuths without a jump from h (a,)."""
+    for k in range(points.shape[0]):
+        for j in range(places.shape[0]):
+            r, rdot, azimuth = polar(
+                points[k, 0], points[k, 1], points[k, 2], points[k, 3],
+                places[j, 0], places[j, 1], places[j, 2], rules.printed,
+            )  # fmt: skip
+            values[k, 3 * j], values[k, 3 * j + 1] = r, rdot
+            values[k, 3 * j + 2] = h[3 * j + 2] + wrapped(azimuth - h[3 * j + 2])
+
+
+@inlined
+def whiten_one(values, R, C, H, y, rows):
+    """Replace H (a, n) and y (a,) by C^-1 H and C^-1 y, C C' = diag(R) + the linearisation errors' covariance.
+
+    C (a, a) is scratch space; rows of infinite R are left as they are.
+    """
+    half = values.shape[0] // 2
+    for a in range(rows):
+        if R[a] < np.inf:
+            for b in range(a + 1):
+                if R[b] < np.inf:
+                    total = R[a] if a == b else 0.0
+                    for k in range(half):
+                        total += values[2 * k, a] * values[2 * k, b] / half
+                    for k in range(b):
+                        if R[k] < np.inf:
+                            total -= C[a, k] * C[b, k]
+                    C[a, b] = np.sqrt(total) if a == b else total / C[b, b]
+            for b in range(a):
+                if R[b] < np.inf:
+                    y[a] -= C[a, b] * y[b]
+                    for k in range(H.shape[1]):
+                        H[a, k] -= C[a, b] * H[b, k]
+            y[a] /= C[a, a]
+            for k in range(H.shape[1]):
+                H[a, k] /= C[a, a]
+
+
+@kernel
+def regress_one(i, x, P, prior_x, prior, z, R, h, H, places, rules, y, d, v, nn):
+    """Posterior linearisation: improve the estimate x[i], P[i] of a posterior too wide for one tangent.
+
+    Every pass replaces the measurement by its statistical linear regression over the posterior so far, whose errors
+    count as measurement noise, and updates the prior prior_x (1, n), prior (n, n) anew. Garcia-Fernandez, Svensson,
+    Morelande and Sarkka (2015), "Posterior linearization filter". Arguments as in ``iterate_one``.
+    """
+    n, rows = len(nn), h.shape[0]
+    A, C, points, values = np.empty((n, n)), np.empty((rows, rows)), np.empty((2 * n, n)), np.empty((2 * n, rows))
+    for _ in range(rules.iterations):
+        sigma_points_one(i, x, P, A, points, nn)
+        values_one(points, h, places, rules, values)
+        for a in range(rows):
+            h[a] = regression_one(a, values, A, H, nn)
+        residual_one(z, h, y)
+        for a in range(rows):
+            for k in range(n):
+                y[a] += H[a, k] * (x[i, k] - prior_x[0, k])
+        whiten_one(values, R, C, H, y, rows)
+        copy_matrix(prior, P[i])
+        for k in range(n):
+            d[k] = 0.0
+        for a in range(rows):
+            if R[a] < np.inf:
+                s = gain_one(i, P, H, a, v, nn, ALL) + 1.0
+                correct_one(d, H, a, v, s, y[a], nn)
+                shrink_one(i, P, v, s, nn)
+        moved = 0.0
+        for k in range(n):
+            step = prior_x[0, k] + d[k] - x[i, k]
+            moved = max(moved, step * step / P[i, k, k])
+            x[i, k] = prior_x[0, k] + d[k]
+        if moved < CONVERGED * CONVERGED:
+            break
+
+
+@inlined
+def update_one(i, x, P, z, R, h, H, y, d, v, nn):
+    """Update the prediction x[i], P[i] with measurements z and variances R (a,); h, H: predicted ones and Jacobian."""
+    residual_one(z, h, y)
+    absorb_one(i, P, H, y, R, d, v, nn)
+    for a in range(len(nn)):
+        x[i, a] += d[a]
+
+
+@kernel
+def refine_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
+    """As ``update_one``, where one tangent misleads."""
+    prior_x, prior = x[i : i + 1].copy(), P[i].copy()
+    residual_one(z, h, y)
+    iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, False, nn)
+    if curved_one(i, x, P, h, R):
+        regress_one(i, x, P, prior_x, prior, z, R, h, H, places, rules, y, d, v, nn)
+
+
+@inlined
 def empty_view(platforms):
     """Variance, low and high, to be filled by ``view_all``."""
     return np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
@@ -105,12 +277,12 @@ def transition(
 
     What is not in the scene stays as it is.
     """
-    (F, Q, places, fence, rules, stay), (true_F, true_L) = scene, true_motion
+    (F, noise, places, fence, rules, stay), (true_F, true_L) = scene, true_motion
     (count, targets, n), platforms = mean.shape, places.shape[0]
     rows, view, true_view = 3 * platforms, empty_view(platforms), empty_view(platforms)
     T, H, h, z, R = np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(rows)
     y, d, v, u, part = np.empty(rows), np.empty(n), np.empty(n), np.empty(rows), np.empty(rows)
-    aimed = np.empty(places.shape)
+    aimed, Q = np.empty(places.shape), noise[0]
     mean, P, truth, x, P_out, truth_out = (
         rows_of(mean), rows_of(P), rows_of(truth), rows_of(x), rows_of(P_out), rows_of(truth_out)
     )  # fmt: skip
@@ -128,8 +300,8 @@ def transition(
                 received[e, t], unseen_out[e, t] = 0, 0
                 continue
             move_one(i, truth, true_F, true_L, process[e, k, t], truth_out, nn)
-            predict_mean_one(i, mean, F, 0, x, nn)
-            predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
+            predict_mean_one(i, mean, F, t, x, nn)
+            predict_covariance_one(i, P, F, Q, t, T, P_out, nn)
             look_one(i, x, aimed, rules, h, H)
             share[e] = min(share[e], information_one(i, P_out, h, H, *view, fence, rules))
             got = receive_one(
@@ -163,14 +335,14 @@ def move(step, truth, process, F, L, stay, truth_out, nn):
 @kernel
 def receive(step, mean, P, truth, error, settings, true_rules, scene, z, R, share, nn):
     """Fill z, R (e, t, a), what the platforms measure of truth (e, t, n), and share (e,), the least information."""
-    F, Q, places, fence, rules, stay = scene
+    F, _, places, fence, rules, stay = scene
     (count, targets, n), platforms = mean.shape, places.shape[0]
     view, true_view = empty_view(platforms), empty_view(platforms)
     x, V, T = np.empty((1, n)), np.empty((1, n, n)), np.empty((n, n))
     H, h, truth = np.empty((3 * platforms, n)), np.empty(3 * platforms), rows_of(truth)
     aimed = np.empty(places.shape)
     for e in range(count):
-        share[e] = np.inf
+        Q, share[e] = noise_of(e, scene), np.inf
         view_all(e, settings, rules, *view)
         view_all(e, settings, true_rules, *true_view)
         aim_all(settings[e, :, 3], places, aimed)
@@ -179,8 +351,8 @@ def receive(step, mean, P, truth, error, settings, true_rules, scene, z, R, shar
             if not is_here(t, step[e] + 1, stay):
                 z[e, t], R[e, t] = 0.0, np.inf
                 continue
-            predict_mean_one(0, mean[e, t : t + 1], F, 0, x, nn)
-            predict_covariance_one(0, P[e, t : t + 1], F, Q, 0, T, V, nn)
+            predict_mean_one(0, mean[e, t : t + 1], F, t, x, nn)
+            predict_covariance_one(0, P[e, t : t + 1], F, Q, t, T, V, nn)
             look_one(0, x, aimed, rules, h, H)
             share[e] = min(share[e], information_one(0, V, h, H, *view, fence, rules))
             receive_one(
@@ -195,8 +367,8 @@ def track(step, mean, P, z, R, settings, scene, x, P_out, nn):
 
     settings (e, p, 4): those that the measurements were made with.
     """
-    F, Q, places, _, rules, stay = scene
-    rows, n = z.shape[2], len(nn)
+    F, noise, places, _, rules, stay = scene
+    rows, n, Q = z.shape[2], len(nn), noise[0]
     T, H, h, y, d, v = (
         np.empty((n, n)), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(n), np.empty(n)
     )  # fmt: skip
@@ -211,8 +383,8 @@ def track(step, mean, P, z, R, settings, scene, x, P_out, nn):
             copy_vector(mean[i], x[i])
             copy_matrix(P[i], P_out[i])
             continue
-        predict_mean_one(i, mean, F, 0, x, nn)
-        predict_covariance_one(i, P, F, Q, 0, T, P_out, nn)
+        predict_mean_one(i, mean, F, i % targets, x, nn)
+        predict_covariance_one(i, P, F, Q, i % targets, T, P_out, nn)
         look_one(i, x, aimed, rules, h, H)
         copy_vector(z[i], u)
         copy_vector(R[i], part)
@@ -231,7 +403,7 @@ def observe(mean, P, looks, scene, out, nn):
     For every target, as predicted one step ahead: variances of position and velocity, then for each platform
     |(r, rdot, azimuth)|, each followed by its variance.
     """
-    F, Q, places, _, rules, _ = scene
+    places, rules = scene.places, scene.rules
     n, rows = len(nn), 3 * places.shape[0]
     T, H, h = np.empty((n, n)), np.empty((rows, n)), np.empty(rows)
     x, V = np.empty((mean.shape[1], n)), np.empty((mean.shape[1], n, n))
@@ -239,9 +411,10 @@ def observe(mean, P, looks, scene, out, nn):
     for e in range(mean.shape[0]):
         column = 0
         aim_all(looks[e], places, aimed)
+        Q = noise_of(e, scene)
         for t in range(mean.shape[1]):
-            predict_mean_one(t, mean[e], F, 0, x, nn)
-            predict_covariance_one(t, P[e], F, Q, 0, T, V, nn)
+            predict_mean_one(t, mean[e], scene.F, t, x, nn)
+            predict_covariance_one(t, P[e], scene.F, Q, t, T, V, nn)
             look_one(t, x, aimed, rules, h, H)
             out[e, column] = V[t, 0, 0] + V[t, 2, 2]
             out[e, column + 1] = V[t, 1, 1] + V[t, 3, 3]
@@ -271,6 +444,24 @@ def measure(mean, P, truth, values, nn):
     for e in range(mean.shape[0]):
         for t in range(mean.shape[1]):
             measure_one(e, t, mean, P, truth, L, d, values, nn)
+
+
+@kernel
+def unfold(x, P, z, R, settings, scene, u, part, nn):
+    """Fill u, part (e, t, a): measurements z of variances R without folds; see ``unfold_one``.
+
+    x (e, t, n), P (e, t, n, n): predicted states. settings (e, p, 4): those that the measurements were made with.
+    """
+    places, rules = scene.places, scene.rules
+    rows, n = z.shape[2], len(nn)
+    H, h, y, d, v = np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(n), np.empty(n)
+    view, aimed = empty_view(places.shape[0]), np.empty(places.shape)
+    for e in range(x.shape[0]):
+        view_all(e, settings, rules, *view)
+        aim_all(settings[e, :, 3], places, aimed)
+        for t in range(x.shape[1]):
+            look_one(t, x[e], aimed, rules, h, H)
+            unfold_one(t, P[e], z[e, t], R[e, t], h, H, view[2], rules, u[e, t], part[e, t], y, d, v, nn)
 
 
 @kernel

@@ -6,6 +6,9 @@ field of view of one environment's settings. ``places`` (p, 3): positions and di
 in arguments of kernels; ``looks`` (e, p): look directions before the step; ``fence`` (2, 3): sharpness and height of
 the penalties; ``rules``: the scalars of ``Rules``; ``stay`` (t, 2): the steps after which targets come and go; c
 candidates.
+
+What may be folded updates only where its fold is certain. A Gaussian cannot hold several folds: the moments of all
+would lose the less probable ones at the next measurement, and with them the target.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -17,9 +20,24 @@ import numpy as np
 
 from wavegym.core.array_kernels import copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.folding_kernels import certain_fold_one, outside_notch_one
+from wavegym.sensors.folding_kernels import (
+    certain_fold_one,
+    certain_reach,
+    fold_pair_one,
+    nearest_fold,
+    nearest_pair,
+    outside_notch_one,
+    shifted,
+)
 from wavegym.sensors.platform_kernels import penalty_one, polar, polar_rows, view_one, wrapped
-from wavegym.trackers.kernels import gain_one, predict_covariance_one, predict_mean_one, shrink_one, spread_one
+from wavegym.trackers.kernels import (
+    correct_one,
+    gain_one,
+    predict_covariance_one,
+    predict_mean_one,
+    shrink_one,
+    spread_one,
+)
 from wavegym.trackers.polar_kernels import state_gradient, state_point
 
 PLACE = (0, 2)  # elements of [x xdot y ydot] that range and azimuth depend on
@@ -46,8 +64,8 @@ class Rules(NamedTuple):
 class Scene(NamedTuple):
     """What tracker and schedulers assume."""
 
-    F: Any  # (1, n, n)
-    Q: Any  # (1, n, n)
+    F: Any  # (t, n, n), of each target
+    Q: Any  # (e, t, n, n) process noise of the next step; (1, t, n, n): the same in all environments
     places: Any  # (p, 3)
     fence: Any  # (2, 3)
     rules: Rules
@@ -221,33 +239,124 @@ def information_one(i, P, h, H, variance, low, high, fence, rules):
     return total
 
 
+@inlined
+def residual_one(z, h, y):
+    """y (a,) = z - h, azimuths wrapped."""
+    for j in range(h.shape[0] // 3):
+        y[3 * j] = z[3 * j] - h[3 * j]
+        y[3 * j + 1] = z[3 * j + 1] - h[3 * j + 1]
+        y[3 * j + 2] = wrapped(z[3 * j + 2] - h[3 * j + 2])
+
+
+@inlined
+def absorb_one(i, P, H, y, R, d, v, nn):
+    """d (n,) = K y and P[i] = [P[i]^-1 + H' R^-1 H]^-1, one received row after another."""
+    for k in range(len(nn)):
+        d[k] = 0.0
+    for j in range(R.shape[0] // 3):
+        for q in range(3):
+            a = 3 * j + q
+            if R[a] < np.inf:
+                s = gain_of(q, i, P, H, a, v, nn) + R[a]
+                correct_one(d, H, a, v, s, y[a], nn)
+                shrink_one(i, P, v, s, nn)
+
+
 @kernel
-def predict_ahead(step, mean, P, F, Q, places, rules, stay, x, V, h, H, nn):
+def fold_pair(P, H, z, h, R, high, j, rules, nn):
+    """(range certain, its fold, range-rate certain, its fold) of platform j against the prediction h, P (1, n, n).
+
+    A quantity is certain if all folds of the pair that are not exp(SURE^2 / 2) times less likely than the best share
+    its fold: the spread over them is 0.
+    """
+    a, S01 = 3 * j, 0.0
+    for k in range(len(nn)):
+        for m in range(len(nn)):
+            S01 += H[a, k] * P[0, k, m] * H[a + 1, m]
+    S00, S11 = spread_of(0, 0, P, H, a) + R[a], spread_of(1, 0, P, H, a + 1) + R[a + 1]
+    W0, W1 = width_of(0, high[j, 0], rules), width_of(1, high[j, 1], rules)
+    least = nearest_pair(z[a] - h[a], z[a + 1] - h[a + 1], S00, S01, S11, W0, W1)[2]
+    size = np.sqrt(least + SURE * SURE)
+    found = fold_pair_one(z[a], z[a + 1], h[a], h[a + 1], S00, S01, S11, W0, W1, size, np.empty((0, 3)))
+    return found[7] == 0.0, found[2], found[9] == 0.0, found[3]
+
+
+@kernel
+def unfold_one(i, P, z, R, h, H, high, rules, u, part, y, d, v, nn):
+    """Fill u and part (a,), measurements without folds and their variances; infinite where the fold is not certain.
+
+    Azimuths update a copy of the prediction P[i] first. Then a range or range-rate joins if all other folds are
+    exp(SURE^2 / 2) times less likely than the nearest. Each narrows the prediction for the others, until no more is
+    certain. high (p, 3): upper edges of the fields of view, which set the widths.
+    """
+    trial, at, fold = P[i : i + 1].copy(), h.copy(), np.zeros(2)
+    certain = np.zeros(2, np.bool_)
+    residual_one(z, h, y)
+    for a in range(len(z)):
+        u[a], part[a] = z[a], R[a] if a % 3 == 2 else np.inf
+    absorb_one(0, trial, H, y, part, d, v, nn)
+    changed = True
+    while changed:
+        changed = False
+        for j in range(len(z) // 3):
+            for a in range(3 * j, 3 * j + 2):
+                at[a] = h[a]
+                for k in range(len(nn)):
+                    at[a] += H[a, k] * d[k]
+            waits = R[3 * j] < np.inf and part[3 * j] == np.inf, R[3 * j + 1] < np.inf and part[3 * j + 1] == np.inf
+            if waits[0] and waits[1]:
+                certain[0], fold[0], certain[1], fold[1] = fold_pair(trial, H, z, at, R, high, j, rules, nn)
+            for q in range(2):
+                a = 3 * j + q
+                if not waits[q]:
+                    continue
+                W = width_of(q, high[j, q], rules)
+                if not waits[1 - q]:
+                    fold[q] = nearest_fold(at[a] - z[a], W)
+                    y0 = z[a] + shifted(fold[q], W) - at[a]
+                    certain[q] = abs(y0) <= certain_reach(spread_of(q, 0, trial, H, a) + R[a], W, SURE)
+                if certain[q]:
+                    changed, part[a], u[a] = True, R[a], z[a] + shifted(fold[q], W)
+                    s = gain_of(q, 0, trial, H, a, v, nn) + R[a]
+                    correct_one(d, H, a, v, s, u[a] - h[a], nn)
+                    shrink_one(0, trial, v, s, nn)
+
+
+@inlined
+def noise_of(e, scene):
+    """Process noise (t, n, n) of environment e."""
+    return scene.Q[e if scene.Q.shape[0] > 1 else 0]
+
+
+@kernel
+def predict_ahead(step, mean, P, scene, Q, x, V, h, H, nn):
     """Predict all targets: mean x (t, n), covariance V (t, n, n), measurements h (t, a), Jacobians H (t, a, n).
 
-    A target that is not in the scene one step ahead stays as it is; its range of -1 is too near to be measured.
+    Q (t, n, n). A target that is not in the scene one step ahead stays as it is; its range of -1 is too near to be
+    measured.
     """
     T = np.empty((len(nn), len(nn)))
     for t in range(mean.shape[0]):
-        if not is_here(t, step + 1, stay):
+        if not is_here(t, step + 1, scene.stay):
             copy_vector(mean[t], x[t])
             copy_matrix(P[t], V[t])
             h[t], H[t] = -1.0, 0.0
             continue
-        predict_mean_one(t, mean, F, 0, x, nn)
-        predict_covariance_one(t, P, F, Q, 0, T, V, nn)
-        look_one(t, x, places, rules, h[t], H[t])
+        predict_mean_one(t, mean, scene.F, t, x, nn)
+        predict_covariance_one(t, P, scene.F, Q, t, T, V, nn)
+        look_one(t, x, scene.places, scene.rules, h[t], H[t])
 
 
 @kernel
-def predict(step, mean, P, settings, F, Q, places, fence, rules, stay, x, P_out, nn):
+def predict(step, mean, P, settings, scene, x, P_out, nn):
     """Fill predicted means x (e, c, t, n) and updated covariances P_out (e, c, t, n, n); settings (e or 1, c, p, 4)."""
-    (count, candidates, targets), n, platforms = x.shape[:3], len(nn), places.shape[0]
+    (count, candidates, targets), n, platforms = x.shape[:3], len(nn), scene.places.shape[0]
+    fence, rules = scene.fence, scene.rules
     variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
     ahead, V, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty(n)
     h, H, spread, seen = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n)), 0.0, 1.0
     for e in range(count):
-        predict_ahead(step[e], mean[e], P[e], F, Q, places, rules, stay, ahead, V, h, H, nn)
+        predict_ahead(step[e], mean[e], P[e], scene, noise_of(e, scene), ahead, V, h, H, nn)
         own = settings[e if settings.shape[0] > 1 else 0]
         for c in range(candidates):
             view_all(c, own, rules, variance, low, high)
@@ -274,14 +383,15 @@ def predict(step, mean, P, settings, F, Q, places, fence, rules, stay, x, P_out,
 
 
 @kernel
-def information(step, mean, P, settings, F, Q, places, fence, rules, stay, out, nn):
+def information(step, mean, P, settings, scene, out, nn):
     """out (e, c, t): tr(P C' R~^-1 C) of every target for settings (e or 1, c, p, 4)."""
-    (count, candidates, targets), n, platforms = out.shape, len(nn), places.shape[0]
+    (count, candidates, targets), n, platforms = out.shape, len(nn), scene.places.shape[0]
+    fence, rules = scene.fence, scene.rules
     variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))
     ahead, V = np.empty((targets, n)), np.empty((targets, n, n))
     h, H, off = np.empty((targets, 3 * platforms)), np.empty((targets, 3 * platforms, n)), np.empty(3 * platforms)
     for e in range(count):
-        predict_ahead(step[e], mean[e], P[e], F, Q, places, rules, stay, ahead, V, h, H, nn)
+        predict_ahead(step[e], mean[e], P[e], scene, noise_of(e, scene), ahead, V, h, H, nn)
         own = settings[e if settings.shape[0] > 1 else 0]
         for c in range(candidates):
             view_all(c, own, rules, variance, low, high)

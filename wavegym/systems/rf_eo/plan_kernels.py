@@ -12,7 +12,7 @@ import numpy as np
 from wavegym.core.array_kernels import copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import wrapped
-from wavegym.systems.rf_eo.look_kernels import predict_ahead
+from wavegym.systems.rf_eo.look_kernels import noise_of, predict_ahead
 from wavegym.systems.rf_eo.search_kernels import (
     SWEEPS,
     absorb_all,
@@ -33,7 +33,7 @@ def follow(U, H, tables, chosen, s, last, weights, F, Q, bound, T, v, nn):
     for k in range(s, last + 1):
         for t in range(U.shape[1]):
             if here[k, t]:
-                predict_covariance_one(t, U[k], F, Q, 0, T, U[k + 1], nn)
+                predict_covariance_one(t, U[k], F, Q, t, T, U[k + 1], nn)
             else:
                 U[k + 1, t] = U[k, t]
         absorb_all(U[k + 1], H[k], (R[k], seen[k], widths, here[k]), chosen[k], v, nn)
@@ -108,9 +108,7 @@ def improve(U, ahead, H, tables, chosen, axes, sizes, weights, F, Q, fence, rule
 
 
 @kernel
-def foresee(
-    step, x, U, ahead, H, tables, chosen, search, axes, sizes, weights, F, Q, places, fence, rules, stay, room, nn
-):
+def foresee(step, x, U, ahead, H, tables, chosen, search, axes, sizes, weights, scene, Q, room, nn):
     """Fill x, U, looks and the tables of each step of the plan ``chosen`` from x[0], U[0], looks[0]; the plan's cost.
 
     ahead: looks (s + 1, p), the look directions before each step, h and spread (s, t, a). search: fill ``chosen`` too,
@@ -120,8 +118,8 @@ def foresee(
     total = 0.0
     for k in range(chosen.shape[0]):
         now = (R[k], seen[k], widths, here[k])
-        predict_ahead(step + k, x[k], U[k], F, Q, places, rules, stay, x[k + 1], U[k + 1], h[k], H[k], nn)
-        tabulate(U[k + 1], h[k], H[k], looks[k], axes, fence, rules, now, spread[k])
+        predict_ahead(step + k, x[k], U[k], scene, Q, x[k + 1], U[k + 1], h[k], H[k], nn)
+        tabulate(U[k + 1], h[k], H[k], looks[k], axes, scene.fence, scene.rules, now, spread[k])
         if search:
             best_of_two(U[k + 1], H[k], now, sizes, weights, chosen[k], other, W, rest, v, nn)
         absorb_all(U[k + 1], H[k], now, chosen[k], v, nn)
@@ -132,7 +130,7 @@ def foresee(
 
 
 @kernel
-def plan(step, mean, P, looks, horizon, axes, sizes, weights, F, Q, places, fence, rules, stay, chosen, cost, nn):
+def plan(step, mean, P, looks, horizon, axes, sizes, weights, scene, chosen, cost, nn):
     """Fill ``chosen`` (e, s, p, 2), the one-step scheduler's plan improved, and its predicted cost (e,).
 
     The plan is shorter at the episode's end. What a setting is worth may depend on the plan before it: on the spread
@@ -148,15 +146,16 @@ def plan(step, mean, P, looks, horizon, axes, sizes, weights, F, Q, places, fenc
     tables = R, seen, np.empty((points, 3)), np.empty((depth, targets), np.bool_)
     T, v, other = np.empty((n, n)), np.empty(n), np.empty((platforms, 2), np.int64)
     room, ahead = (other, W, rest, v), (np.empty((depth + 1, platforms)), h, spread)
+    F, fence, rules = scene.F, scene.fence, scene.rules
     depends = rules.folding or rules.margin > 0.0 or axes[3].any()
     for e in range(count):
+        Q = noise_of(e, scene)
         levels = max(1, min(depth, horizon - step[e]))
         best, trial = chosen[e, :levels], np.empty((levels, platforms, 2), np.int64)
         x[0], U[0], ahead[0][0], least = mean[e], P[e], looks[e], np.inf
         for attempt in range(SWEEPS):
             total = foresee(
-                step[e], x, U, ahead, H, tables, trial, attempt == 0, axes, sizes, weights, F, Q, places, fence, rules,
-                stay, room, nn
+                step[e], x, U, ahead, H, tables, trial, attempt == 0, axes, sizes, weights, scene, Q, room, nn
             )  # fmt: skip
             if total >= least * (1.0 - BETTER):
                 break

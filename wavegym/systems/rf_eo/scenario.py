@@ -31,12 +31,14 @@ from wavegym.systems.rf_eo.actions import PlatformActions
 from wavegym.systems.rf_eo.look_kernels import Rules
 from wavegym.systems.rf_eo.state import Belief
 from wavegym.targets import MotionModel, constant_turn
+from wavegym.trackers.protocol import Tracker, TrackerWithMemory, own_tracker
 from wavegym.waveforms import SPEED_OF_LIGHT, PulseTiming
 
 StateWeights = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
 SEQUENCES = (tuple, list, np.ndarray)
 SIZE = 4  # elements of the state [x xdot y ydot]
 MOST = 64  # targets, and platforms
+TRACKERS = ("ekf",)
 LONGEST = 1_000_000  # steps
 FARTHEST = 1e9  # m, m/s: double precision still resolves differences at this size
 FASTEST = 1e6  # rad/s
@@ -132,6 +134,12 @@ class PlatformScenario(System, PlaysRecordings):
     nearest_range: float = parameter(
         1.0, "a platform does not measure targets nearer than this", unit="m", truth=True, gt=0, le=FARTHEST
     )
+    tracker: Any = parameter(
+        "ekf",
+        "``ekf``: the filter of the description; a Tracker of ``wavegym.trackers.protocol``, or "
+        "``package.module:name`` of its factory",
+        unit="",
+    )
     folding: bool = parameter(
         False, "whether range and range-rate beyond the unambiguous interval are received folded, or not at all"
     )
@@ -159,6 +167,7 @@ class PlatformScenario(System, PlaysRecordings):
 
     def __post_init__(self) -> None:
         """Check several fields together."""
+        self._check_tracker()
         self._weights  # noqa: B018  (invalid weights are reported here)
         for name in ("platforms", "starts"):
             check_within(f"number of {name}", len(getattr(self, name)), 1, MOST)
@@ -189,6 +198,12 @@ class PlatformScenario(System, PlaysRecordings):
         if len(self.births) != len(self.starts):
             raise InputError(f"births is {self.births}, expected {len(self.starts)} steps, one for each of starts")
         check_within("greatest of births", max(self.births), 0, self.horizon - 1)
+
+    def _check_tracker(self) -> None:
+        """InputError for no tracker, or for one with a memory where targets come and go."""
+        if isinstance(self._own_tracker, TrackerWithMemory) and self._come_and_go:
+            wanted = "one without begin(estimate, motion) where targets come and go"
+            raise InputError(f"tracker {type(self._own_tracker).__name__} has a memory, expected {wanted}")
 
     def _check_camera(self) -> None:
         """InputError for an image wider than the full circle."""
@@ -243,6 +258,11 @@ class PlatformScenario(System, PlaysRecordings):
     def motion(self) -> MotionModel:
         """The targets' motion model, of the tracker; ``truth_model.motion`` is the world's."""
         return constant_turn(self.dt, self.q, self.turn_rate)
+
+    @cached_property
+    def _own_tracker(self) -> Tracker | None:
+        """The tracker; None for the compiled filter."""
+        return own_tracker(self.tracker, TRACKERS)
 
     @cached_property
     def action_set(self) -> PlatformActions:

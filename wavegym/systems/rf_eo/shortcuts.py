@@ -12,8 +12,7 @@ from wavegym.core.errors import InputError
 from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.shortcuts import MeasuredFields
 from wavegym.core.system import ObservationField, State
-from wavegym.systems.rf_eo import information_kernels, kernels, plan_kernels
-from wavegym.systems.rf_eo.search_kernels import best_settings
+from wavegym.systems.rf_eo import kernels, plan_kernels, search_kernels
 from wavegym.systems.rf_eo.state import Belief, Truth, World, received_fields, received_values
 from wavegym.systems.rf_eo.system import NN, RfEo
 
@@ -22,10 +21,13 @@ PROPOSED = ((60e3, 10e6, 1e-3), (40e3, 5e6, 1e-3))  # the non-adaptive settings
 
 @shortcuts.fused_transition.register(RfEo)
 def fused_transition(system: RfEo, state: State, action: Array, world: World) -> State:
-    """One step: targets move, platforms take their settings and measure, the filter updates."""
-    if system.truth_model._recorded:
+    """One step: targets move, platforms take their settings and measure, the filter updates.
+
+    By its parts with recorded targets, or with another tracker.
+    """
+    if system._own_tracker or system.truth_model._recorded:
         return system.composed_transition(state, action, world)
-    (true_states, _, unseen, *_), (step, mean, covariance, _) = state
+    (true_states, _, unseen, *_), (step, mean, covariance, *_) = state
     settings = system.aimed_settings(state.belief, action)
     x, P, moved = np.empty(mean.shape), np.empty(covariance.shape), np.empty(mean.shape)
     received, missed, share = np.empty(unseen.shape, np.int64), np.empty(unseen.shape, np.int64), np.empty(len(x))
@@ -47,9 +49,9 @@ def best_action(system: RfEo, belief: Belief) -> Array:
     """The one-step scheduler's choice, platform after platform until none changes; for a box, on a fine grid."""
     chosen = np.empty((len(belief.step), len(system.platforms), 2), np.int64)
     sent = system.action_set
-    best_settings(
+    search_kernels.best_settings(
         belief.step, belief.mean, belief.covariance, belief.looks, sent.axes, sent.sizes, system._weights,
-        *system._scene, chosen, NN
+        system._assumed(belief), chosen, NN
     )  # fmt: skip
     return system.action_set.choose(chosen[..., 0], chosen[..., 1])
 
@@ -75,9 +77,9 @@ def most_information(system: RfEo, belief: Belief, threshold: float | None = Non
     if not least >= 0.0:
         raise InputError(f"threshold is {least}, expected a number >= 0")
     sent = system.action_set
-    information_kernels.most_information(
-        belief.step, belief.mean, belief.covariance, belief.looks, sent.axes, sent.sizes, least, *system._scene, chosen,
-        feasible, NN
+    search_kernels.most_information(
+        belief.step, belief.mean, belief.covariance, belief.looks, sent.axes, sent.sizes, least,
+        system._assumed(belief), chosen, feasible, NN
     )  # fmt: skip
     return system.action_set.choose(chosen[..., 0], chosen[..., 1]), feasible
 
@@ -93,7 +95,7 @@ def plan(system: RfEo, belief: Belief, depth: int) -> tuple[Array, Array]:
     chosen = np.empty((len(cost), depth, len(system.platforms), 2), np.int64)
     plan_kernels.plan(
         belief.step, belief.mean, belief.covariance, belief.looks, system.horizon, system.action_set.axes,
-        system.action_set.sizes, system._weights, *system._scene, chosen, cost, NN
+        system.action_set.sizes, system._weights, system._assumed(belief), chosen, cost, NN
     )  # fmt: skip
     return system.action_set.choose(chosen[:, 0, :, 0], chosen[:, 0, :, 1]), cost
 

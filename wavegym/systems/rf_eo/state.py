@@ -48,6 +48,8 @@ class Belief(NamedTuple):
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
     looks: Array  # (env, platform) rad: look directions, clockwise from +y
+    memory: Any = None  # of a tracker that has one; None otherwise, and in prediction
+    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as the tracker believes it; None: Q
 
 
 def received_fields(targets: int, platforms: int) -> tuple[ObservationField, ...]:

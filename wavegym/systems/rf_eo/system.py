@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import product
 from typing import Literal
 
 import numpy as np
 
+from wavegym.core import trees
 from wavegym.core.action_sets import JointLibrary, ParameterBox, PerSensorLibrary
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.parameters import changed_default, system_parameters
 from wavegym.core.policy import makers_by_form
 from wavegym.core.system import ObservationField, State
 from wavegym.core.traits import DecisionMaker, DecisionMakers, TimedPulses
-from wavegym.sensors import platform_measurement
+from wavegym.sensors import platform_jacobian, platform_measurement
 from wavegym.sensors.platform import SHARPNESS
 from wavegym.systems.recorded_targets import (
     drawn_windows,
@@ -41,9 +43,12 @@ from wavegym.systems.rf_eo.state import (
     platform_fields,
     presence_fields,
 )
+from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
 LOST_AFTER = 10  # steps without any measurement
+# Sets of range, range-rate and azimuth that a platform may receive together, all three first; (7, 3) bool.
+TOGETHER = np.array(list(product((True, False), repeat=3))[:-1])
 
 
 @system_parameters
@@ -63,6 +68,11 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         Where the prior is so wide that a single linearisation would mislead, the filter iterates. Where the posterior
         is as wide too, as after a range alone, the filter adds the curvature to the noise (posterior linearisation).
         Schedulers predict the covariance with a variance that grows at the edge of the field of view (eqs. 12 and 13).
+
+        A ``tracker`` of your own takes a scan of each platform for each set of quantities that were received together:
+        range, range-rate and azimuth of some targets, the azimuth alone of others. Azimuths count from the platform's
+        first look direction and are within pi of the estimate's. Folded quantities come unfolded if their fold is
+        certain.
 
         With a ``slew_rate`` an action also turns each platform's look direction, by at most slew_rate dt, before the
         platform measures. Otherwise the look direction is fixed.
@@ -131,8 +141,14 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
     def _scene(self) -> Scene:
         """Kernel arguments: model, platforms whose azimuths count from +y, penalties, and the scalars."""
         fence = np.array([self.sharpness or (SHARPNESS[self.penalty],) * 3, self.height])
-        F, Q = self.motion.F[None].copy(), self.motion.Q[None].copy()
-        return Scene(F, Q, self._seats, fence, self._rules, self._stay)
+        F, Q = (np.repeat(matrix[None], len(self.starts), axis=0) for matrix in (self.motion.F, self.motion.Q))
+        return Scene(F, Q[None], self._seats, fence, self._rules, self._stay)
+
+    def _assumed(self, belief: Belief) -> Scene:
+        """``_scene``, with the tracker's process noise."""
+        if belief.process_noise is None:
+            return self._scene
+        return self._scene._replace(Q=for_kernel(belief.process_noise))
 
     def target_ranges(self, world: World) -> Array:
         """Of every target at every platform, (env, target, step, platform, 2)."""
@@ -160,7 +176,10 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         nothing = np.zeros((count, S), np.int64)
         truth = Truth(true_states, nothing, nothing.copy(), np.zeros(count), window)
         looks = np.tile(self.places[:, 2], (count, 1))
-        return State(truth, Belief(np.zeros(count, np.int64), mean, covariance, looks))
+        first = Estimate(mean, covariance)
+        if self._own_tracker:
+            first = begin_track(self._own_tracker, first, self.motion)
+        return State(truth, _believed(np.zeros(count, np.int64), first, looks))
 
     @cached_property
     def _true_motion(self) -> tuple[Array, Array]:
@@ -195,17 +214,62 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         variance = np.empty(z.shape)
         kernels.receive(
             belief.step, belief.mean, belief.covariance, truth.targets, world.error,
-            self.aimed_settings(belief, action), self.truth_model._rules, self._scene, z, variance, share, NN
+            self.aimed_settings(belief, action), self.truth_model._rules, self._assumed(belief), z, variance, share, NN
         )  # fmt: skip
         return Measurements(z, variance, share, self.present(belief.step + 1))
 
     def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
-        """One step of the filter."""
-        x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
+        """One step of the tracker."""
         z, variance, *_ = measurements
         settings = self.aimed_settings(belief, action)
+        if self._own_tracker:
+            return self._tracked(self._own_tracker, belief, settings, z, variance)
+        x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
         kernels.track(belief.step, belief.mean, belief.covariance, z, variance, settings, self._scene, x, P, NN)
         return Belief(belief.step + 1, x, P, settings[..., 3].copy())
+
+    def _tracked(self, tracker: Tracker, belief: Belief, settings: Array, z: Array, variance: Array) -> Belief:
+        """``track`` by the given tracker, platform after platform."""
+        before = Estimate(belief.mean, belief.covariance, belief.memory, belief.process_noise)
+        now = tracker.predict(before, self.motion)
+        if self._come_and_go:
+            here = self.present(belief.step + 1)[..., None]
+            mean, covariance = np.where(here, now.mean, before.mean), now.covariance
+            now = now._replace(mean=mean, covariance=np.where(here[..., None], covariance, before.covariance))
+        if self.folding:
+            given, z, variance = (for_kernel(z), for_kernel(variance)), np.empty(z.shape), np.empty(z.shape)
+            x, P = for_kernel(now.mean), for_kernel(now.covariance)
+            kernels.unfold(x, P, *given, settings, self._scene, z, variance, NN)
+        for j, place in enumerate(self.places):
+            turned = settings[:, None, j, 3] - place[2]
+            own = slice(3 * j, 3 * j + 3)
+            for scan in self._scans(now, place, z[..., own], variance[..., own], turned):
+                now = tracker.update(now, scan)
+        return _believed(belief.step + 1, now, settings[..., 3].copy())
+
+    def _scans(self, now: Estimate, place: Array, z: Array, variance: Array, turned: Array) -> list[Scan]:
+        """The scans of the platform at ``place``, one for each set of quantities that were received together.
+
+        Args:
+            now: the estimate before them.
+            place: (x, y) and the direction from which azimuths count, (3,).
+            z, variance: measurements and their variances, infinite where nothing was received, (env, target, 3).
+            turned: the direction from which azimuths were measured, less that of ``place``, (env, 1).
+        """
+        azimuth = platform_measurement(now.mean, place, self.as_printed)[..., 2]
+        off = z[..., 2] + turned - azimuth
+        z = np.stack([z[..., 0], z[..., 1], azimuth + off - 2.0 * math.pi * np.rint(off / (2.0 * math.pi))], axis=-1)
+        target = np.broadcast_to(np.arange(z.shape[1]), z.shape[:2])
+        scans = []
+        for together in TOGETHER:
+            present = (np.isfinite(variance) == together).all(axis=-1)
+            if present.any():
+                kept = np.flatnonzero(together)
+                R = np.where(present[..., None], variance[..., kept], 1.0)[..., None] * np.eye(len(kept))
+                given = place, self.as_printed, kept
+                model = MeasurementModel(partial(_quantities, *given), partial(_gradients, *given))
+                scans.append(Scan(z[..., kept], present, target, R, model))
+        return scans
 
     def note(self, truth: Truth, measurements: Measurements) -> Truth:
         """The truth with the number of quantities received, and the information that was predicted."""
@@ -214,14 +278,20 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         return Truth(truth.targets, received, unseen, measurements.information, truth.window)
 
     def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
-        """The belief one step ahead: predicted means, covariances of eq. (11) with the penalised variances."""
+        """The belief one step ahead: predicted means, covariances of eq. (11) with the penalised variances.
+
+        The tracker's process noise does not change.
+        """
         several, settings = self._settings(belief, actions)
         shape = (len(belief.step), settings.shape[1], len(self.starts))
         x, P = np.empty((*shape, 4)), np.empty((*shape, 4, 4))
-        prediction.predict(belief.step, belief.mean, belief.covariance, settings, *self._scene, x, P, NN)
+        scene = self._assumed(belief)
+        prediction.predict(belief.step, belief.mean, belief.covariance, settings, scene, x, P, NN)
         step = (belief.step + 1)[:, None].repeat(shape[1], axis=1)
-        ahead = Belief(step, x, P, settings[..., 3].copy())
-        return ahead if several else Belief(*(part[:, 0] for part in ahead))
+        Q = belief.process_noise
+        noise = None if Q is None else Q[:, None].repeat(shape[1], axis=1)
+        ahead = Belief(step, x, P, settings[..., 3].copy(), process_noise=noise)
+        return ahead if several else trees.tree_map(lambda part: part[:, 0], ahead)
 
     def information(self, belief: Belief, actions: Array) -> Array:
         """The paper's gain tr(P C' R~^-1 C) of every target one step ahead, (env[, candidate], target).
@@ -230,7 +300,8 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         """
         several, settings = self._settings(belief, actions)
         gain = np.empty((len(belief.step), settings.shape[1], len(self.starts)))
-        prediction.information(belief.step, belief.mean, belief.covariance, settings, *self._scene, gain, NN)
+        scene = self._assumed(belief)
+        prediction.information(belief.step, belief.mean, belief.covariance, settings, scene, gain, NN)
         if self._come_and_go:
             gain = np.where(self.present(belief.step + 1)[:, None], gain, self.threshold)
         return gain if several else gain[:, 0]
@@ -249,7 +320,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
         out = np.empty((len(belief.step), len(self._decades)))
-        kernels.observe(belief.mean, belief.covariance, belief.looks, self._scene, out, NN)
+        kernels.observe(belief.mean, belief.covariance, belief.looks, self._assumed(belief), out, NN)
         logs: Array = np.log(out, out=out)  # one call for all elements is several times faster
         logs *= self._decades
         parts = [logs]
@@ -306,6 +377,21 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
             "below_threshold": below,
         }
         return {**figures, "present": flags[1]} if self._come_and_go else figures
+
+
+def _believed(step: Array, estimate: Estimate, looks: Array) -> Belief:
+    """The belief of a tracker's estimate."""
+    return Belief(step, estimate.mean, estimate.covariance, looks, *estimate[2:])
+
+
+def _quantities(place: Array, as_printed: bool, kept: Array, states: Array) -> Array:
+    """The quantities ``kept`` of states (..., 4) at a platform, (..., kept)."""
+    return platform_measurement(states, place, as_printed)[..., kept]
+
+
+def _gradients(place: Array, as_printed: bool, kept: Array, states: Array) -> Array:
+    """Their derivatives, (..., kept, 4)."""
+    return platform_jacobian(states, place, as_printed)[..., kept, :]
 
 
 @system_parameters

@@ -1,31 +1,39 @@
-"""Kernels of ``tracker.py``: one scan of all tracks, the expected effect of a scan, and the ghosts of confirmed tracks.
+"""Kernels of ``tracker.py``: one scan of all tracks, the expected effect of a scan, ghosts, and track management.
 
-A ghost is where the map predicts the returns of a track over walls.
+A ghost is where the map predicts the returns of a track over walls. A track starts where free measurements of the first
+two receivers agree. Without direction of arrival two range ellipses intersect (multilateration); with it a track is the
+least-squares fit to both measurements.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import tabulated
-from wavegym.sensors.geometry_kernels import snr_at
+from wavegym.sensors.geometry_kernels import locate_one, snr_at
 from wavegym.sensors.multipath_kernels import MOST_WALLS
-from wavegym.systems.urban.track_management_kernels import initiate, update_status
 from wavegym.systems.urban.tracker_kernels import (
+    CONFIRMED,
+    ELSEWHERE,
     EMPTY,
+    NEAR,
     TENTATIVE,
+    add_rate_floor,
     cell_of,
     covariance_at,
     factor_sum,
     linearise_path,
     log_density,
+    place_of,
     predict_measurements,
     predict_tracks,
+    predicted_for,
+    project,
+    scratch_for,
     shrink,
+    slots_of,
     update_one,
     weigh_scan,
     whiten,
@@ -33,166 +41,10 @@ from wavegym.systems.urban.tracker_kernels import (
 )
 from wavegym.trackers.association_kernels import lmipda_one
 from wavegym.trackers.imm_kernels import combine_one
+from wavegym.trackers.kernels import shrink_one
+from wavegym.trackers.ukf_kernels import cholesky_columns_one
 
-
-class TrackerConstants(NamedTuple):
-    """What the tracker assumes about map, antennas and targets; see ``UrbanTracker`` for units and meaning."""
-
-    transmitters: Any  # (pair, 2), of each pair of a transmitter and a receiver
-    receivers: Any
-    axes: Any  # (pair, 2), unit vectors along the elements of each receiver
-    elements: int
-    F: Any  # (model, 6, 6)
-    Q: Any
-    transition: Any  # (2, model, model): near junctions, elsewhere
-    corner: Any  # (2,), south-western corner of the grid
-    cell: float
-    road: Any  # (column, row): distance to the nearest road, m
-    junction: Any  # (column, row): whether the cell lies in a junction
-    out_images: Any  # (pair, image, 2): of the transmitter, padded with images visible from nowhere
-    out_order: Any  # (pair, image)
-    out_reflected: Any
-    out_visible: Any  # (pair, column, row, image)
-    back_images: Any  # the same of the receiver
-    back_order: Any
-    back_reflected: Any
-    back_visible: Any
-    back_axes: Any  # (pair, image, 2)
-    density: float  # of false returns, per unit of all measured quantities
-    gate: float  # squared
-    start_gate: float  # squared, of a new track
-    gate_probability: float
-    log_false_alarm: float
-    detection_table: Any  # of detection.detection_table
-    effective_table: Any  # of detection.effective_snr_table; empty: covariances at the mean SNR
-    rate_floor: float
-    reach: float
-    survival: float
-    birth: float
-    confirm: float
-    confirm_after: int
-    drop_tentative: float
-    drop_confirmed: float
-    merge_distance: float
-    merge_speed: float
-    slack: float
-    vaguest: float
-    fastest: float
-    usual_speed: float
-    first_acceleration: float
-    ghosts: bool
-
-
-class Tracks(NamedTuple):
-    """The slots of one environment, as rows: x (slot * model, 6), P (slot * model, 6, 6), mu (slot, model), (slot,)."""
-
-    x: Any
-    P: Any
-    mu: Any
-    existence: Any
-    status: Any
-    age: Any
-
-
-class Predicted(NamedTuple):
-    """Predicted measurements of one pair, of each model (slot * model, ...), and detection of each track (slot,)."""
-
-    centre: Any  # (slot * model, m)
-    S: Any  # (slot * model, m, m), without measurement errors
-    G: Any  # (slot * model, 6, m), covariance of state and measurement
-    eta: Any  # (slot,): SNR
-    pd: Any  # (slot,): Pd Pg
-
-
-class Scratch(NamedTuple):
-    """Scratch space for one scan; n = 6 states, m quantities of a measurement."""
-
-    x: Any  # (slot * model, n)
-    P: Any  # (slot * model, n, n)
-    c: Any  # (slot, model)
-    T: Any  # (n, n)
-    A: Any  # (slot * model, n, n)
-    R: Any  # (m, m)
-    none: Any  # (m, m), zeros
-    L: Any  # (m, m)
-    spread: Any  # (m, m)
-    w: Any  # (m,)
-    W: Any  # (m, n)
-    shift: Any  # (n,)
-    total: Any  # (n,)
-    h: Any  # (m,)
-    H: Any  # (m, 4)
-    start: Any  # (1, 4), of a new track
-    start_spread: Any  # (1, 4, 4)
-    J: Any  # (1, 4, 4)
-
-
-@kernel
-def predicted_for(slots, models, n, m):
-    """Room for predicted measurements; 0 at first because empty slots read them unwritten."""
-    rows = slots * models
-    return Predicted(
-        np.zeros((rows, m)), np.zeros((rows, m, m)), np.zeros((rows, n, m)), np.empty(slots), np.empty(slots),
-    )  # fmt: skip
-
-
-@kernel
-def scratch_for(slots, models, n, m):
-    """Scratch space; the fit of a new track needs two rows of A."""
-    rows = max(slots * models, 2)
-    return Scratch(
-        np.empty((rows, n)), np.empty((rows, n, n)), np.empty((slots, models)), np.empty((n, n)),
-        np.empty((rows, n, n)), np.empty((m, m)), np.zeros((m, m)), np.empty((m, m)), np.empty((m, m)),
-        np.empty(m), np.empty((m, n)), np.empty(n), np.empty(n), np.empty(m), np.empty((m, 4)),
-        np.empty((1, 4)), np.empty((1, 4, 4)), np.empty((1, 4, 4)),
-    )  # fmt: skip
-
-
-@kernel
-def are_counts(count, most):
-    """Whether all of count (env, pair) are integers from 0 to ``most``."""
-    fine = True
-    for number in count.flat:
-        fine = fine and 0 <= number <= most and number == np.floor(number)
-    return fine
-
-
-@kernel
-def are_waves(R, snr):
-    """Whether all of R (env, pair, 2, 2) are positive definite and all of snr (env, pair) finite and positive."""
-    fine = True
-    for e in range(snr.shape[0]):
-        for pair in range(snr.shape[1]):
-            S = R[e, pair]
-            fine = fine and S[0, 0] > 0.0 and S[0, 0] * S[1, 1] > S[0, 1] * S[1, 0] and 0.0 < snr[e, pair] < np.inf
-    return fine
-
-
-@kernel
-def direct_errors(z, count, wave, reference, constants, errors, ll):
-    """errors (env, pair, measurement, m, m): covariances at the SNR of a direct path of each measured range."""
-    for e in range(len(z)):
-        for pair in range(z.shape[1]):
-            for i in range(count[e, pair]):
-                eta = snr_at(z[e, pair, i, 0], reference[e, pair], 1.0)
-                covariance_at(eta, wave[e, pair], 0.0, constants, errors[e, pair, i], ll)
-
-
-@kernel
-def add_rate_floor(given, count, constants, R, ll):
-    """R (measurement, m, m): the covariance that the receiver gives, and the floor of range-rate."""
-    for i in range(count):
-        for j in range(len(ll)):
-            for k in range(len(ll)):
-                R[i, j, k] = given[i, j, k]
-        R[i, 1, 1] += constants.rate_floor * constants.rate_floor
-
-
-@kernel
-def slots_of(e, x, P, mu, existence, status, age):
-    """Tracks of environment e: views of arrays (env, slot, ...)."""
-    rows, n = x.shape[1] * x.shape[2], x.shape[3]
-    return Tracks(x[e].reshape(rows, n), P[e].reshape(rows, n, n), mu[e], existence[e], status[e], age[e])
+ROUNDS = 3  # Gauss-Newton steps of the fit of a new track
 
 
 @kernel
@@ -320,18 +172,6 @@ def claim_path(
             ghosts[n] += claims[n] * mine / (1.0 - mine)
 
 
-@inlined
-def project(P, H, S, ll):
-    """S (m, m) = H P H', H (m, 4): the covariance of a predicted measurement without its errors."""
-    for i in range(len(ll)):
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(4):
-                for m in range(4):
-                    total += H[i, k] * P[k, m] * H[j, m]
-            S[i, j] = S[j, i] = total
-
-
 @kernel
 def end_ghosts(tracks, constants, wave, reference, scratch, nn, mm, ll):
     """Set the existence of each tentative track to 0 that all receivers would see as a ghost of another track.
@@ -381,3 +221,248 @@ def is_ghost(s, t, pair, constants, wave, reference, scratch, ll):
                 if whiten(direct, h, L, scratch.w, ll) <= constants.gate:
                     return True
     return False
+
+
+@kernel
+def initiate(tracks, constants, z, R, count, taken, scratch, mm, ll):
+    """Start tracks where free measurements of the first two pairs agree on a visible road.
+
+    z (pair, measurement, m), R (pair, measurement, m, m). Returns the number of tracks that found no free slot.
+    """
+    rx, refused = constants.receivers, 0
+    apart = 0.5 * np.hypot(rx[0, 0] - rx[1, 0], rx[0, 1] - rx[1, 1])
+    for a in range(count[0]):
+        for b in range(count[1]):
+            if taken[0, a] or taken[1, b] or abs(z[0, a, 0] - z[1, b, 0]) > apart + constants.slack:
+                continue
+            for k in range(2):
+                if len(ll) == 3:
+                    found = fit_start(k, z[0, a], z[1, b], R[0, a], R[1, b], constants, scratch, ll)
+                else:
+                    found = cross_start(k, z[0, a], z[1, b], R[0, a], R[1, b], constants, scratch)
+                if found and np.hypot(scratch.start[0, 2], scratch.start[0, 3]) <= constants.fastest:
+                    t = slot_for(tracks)
+                    if t >= 0:
+                        refused += tracks.status[t] != EMPTY
+                        begin_track(t, scratch.start[0], scratch.start_spread[0], tracks, constants, mm)
+                    else:
+                        refused += 1
+    return refused
+
+
+@inlined
+def cross_start(k, za, zb, Ra, Rb, constants, scratch):
+    """Crossing k (0, 1) of two range ellipses, and its velocity: fills start and start_spread; whether it may start."""
+    x, P, J = scratch.start, scratch.start_spread, scratch.J[0]
+    tx, rx = constants.transmitters[0], constants.receivers
+    locate_one(za, zb, Ra, Rb, tx[0], tx[1], rx[0, 0], rx[0, 1], rx[1, 0], rx[1, 1], 2.0 * k - 1.0, 0, x, P, J)
+    if not may_start(x, P, constants):
+        return False
+    apply_velocity_prior(x, P, 0, constants.usual_speed * constants.usual_speed, J[0], (0, 0, 0, 0))
+    return True
+
+
+@inlined
+def locate_by_direction(z, pair, side, constants):
+    """Where the range ellipse of z meets its direction of arrival, left (side 1) or right (-1) of the array's axis.
+
+    With d the unit vector of arrival, s the receiver, t the transmitter, c = s - t: |c + rho d| = 2 r - rho.
+    """
+    tx, rx, axis = constants.transmitters[pair], constants.receivers[pair], constants.axes[pair]
+    across = side * np.sqrt(max(1.0 - z[2] * z[2], 0.0))
+    dx, dy = z[2] * axis[0] - across * axis[1], z[2] * axis[1] + across * axis[0]
+    cx, cy = rx[0] - tx[0], rx[1] - tx[1]
+    rho = 0.5 * (4.0 * z[0] * z[0] - cx * cx - cy * cy) / (2.0 * z[0] + cx * dx + cy * dy)
+    return rx[0] + rho * dx, rx[1] + rho * dy, rho > 0.0
+
+
+@kernel
+def fit_start(k, za, zb, Ra, Rb, constants, scratch, ll):
+    """Least-squares state of two measurements and the prior velocity: fills start, start_spread; whether it may start.
+
+    Gauss-Newton from the place where the receiver that sees the target nearer to broadside places it, left or right of
+    its array (k = 0, 1): the other receiver tells the target from its mirror image. A fit whose residuals exceed their
+    chi-square gate (6 measured quantities, 2 prior ones, 4 unknowns) starts no track.
+    """
+    x, P, J = scratch.start, scratch.start_spread, scratch.J
+    x[0, 2] = x[0, 3] = 0.0
+    if abs(za[2]) <= abs(zb[2]):
+        x[0, 0], x[0, 1], ahead = locate_by_direction(za, 0, 1.0 - 2.0 * k, constants)
+    else:
+        x[0, 0], x[0, 1], ahead = locate_by_direction(zb, 1, 1.0 - 2.0 * k, constants)
+    if not (ahead and near_road(x, constants.vaguest, constants)):
+        return False
+    misfit = 0.0
+    for _ in range(ROUNDS):
+        variance = constants.usual_speed * constants.usual_speed
+        for i in range(4):
+            scratch.shift[i] = -x[0, i] / variance if i >= 2 else 0.0
+            for j in range(4):
+                J[0, i, j] = 1.0 / variance if i == j and i >= 2 else 0.0
+        misfit = (x[0, 2] * x[0, 2] + x[0, 3] * x[0, 3]) / variance
+        misfit += add_information(za, Ra, 0, x, constants, scratch, ll)
+        misfit += add_information(zb, Rb, 1, x, constants, scratch, ll)
+        invert(J, P, scratch.A)
+        for i in range(4):
+            for j in range(4):
+                x[0, i] += P[0, i, j] * scratch.shift[j]
+    return misfit <= constants.start_gate and may_start(x, P, constants)
+
+
+@inlined
+def add_information(z, R, pair, x, constants, scratch, ll):
+    """Add H' R^-1 H of one measurement to J[0] and H' R^-1 (z - h) to shift; returns the squared residual."""
+    h, H, W, w, L = scratch.h, scratch.H, scratch.W, scratch.w, scratch.L
+    linearise_path(x[0], constants.transmitters[pair], constants.receivers[pair], constants.axes[pair], h, H, ll)
+    factor_sum(scratch.none, R, L, ll)
+    squared = whiten(z, h, L, w, ll)
+    for i in range(len(ll)):
+        for j in range(4):
+            total = H[i, j]
+            for k in range(i):
+                total -= L[i, k] * W[k, j]
+            W[i, j] = total / L[i, i]
+            scratch.shift[j] += W[i, j] * w[i]
+    for j in range(4):
+        for k in range(4):
+            for i in range(len(ll)):
+                scratch.J[0, j, k] += W[i, j] * W[i, k]
+    return squared
+
+
+@inlined
+def invert(J, P, A):
+    """P[0] = J[0]^-1 for a positive definite J[0] (4, 4); NaN for any other."""
+    cholesky_columns_one(0, 0, J, A, (0, 0, 0, 0), (0, 0, 0, 0))
+    for k in range(4):  # A[0]^-1 in place of the columns of the upper triangle of A[1]
+        for i in range(4):
+            total = 1.0 if i == k else 0.0
+            for j in range(k, i):
+                total -= A[0, i, j] * A[1, j, k]
+            A[1, i, k] = total / A[0, i, i] if i >= k else 0.0
+    for i in range(4):
+        for j in range(4):
+            P[0, i, j] = 0.0
+            for k in range(max(i, j), 4):
+                P[0, i, j] += A[1, k, i] * A[1, k, j]
+
+
+@inlined
+def apply_velocity_prior(x, P, e, variance, v, nn):
+    """Update x[e], P[e] with the prior that xdot and ydot have mean 0 and ``variance``; v (4,) is scratch space."""
+    for k in range(2, 4):
+        total, own = P[e, k, k] + variance, x[e, k]
+        for i in range(4):
+            v[i] = P[e, i, k]
+            x[e, i] -= v[i] / total * own
+        shrink_one(e, P, v, total, nn)
+
+
+@inlined
+def slot_for(tracks):
+    """An empty slot, or the slot of the tentative track of least existence; -1 if all tracks are confirmed."""
+    weakest = -1
+    for t in range(len(tracks.mu)):
+        if tracks.status[t] == EMPTY:
+            return t
+        if tracks.status[t] == TENTATIVE and (weakest < 0 or tracks.existence[t] < tracks.existence[weakest]):
+            weakest = t
+    return weakest
+
+
+@inlined
+def begin_track(t, state, P, tracks, constants, mm):
+    """Start a tentative track at state (4,), covariance P (4, 4), acceleration 0 and equally likely allowed models."""
+    i, j = cell_of(state[0], state[1], constants)
+    place = NEAR if constants.junction[i, j] else ELSEWHERE
+    possible = 0
+    for m in range(len(mm)):
+        entered = 0.0
+        for k in range(len(mm)):
+            entered += constants.transition[place, k, m]
+        tracks.mu[t, m] = 1.0 if entered > 0.0 else 0.0
+        possible += entered > 0.0
+    for m in range(len(mm)):
+        row = t * len(mm) + m
+        tracks.mu[t, m] /= possible
+        for k in range(6):
+            tracks.x[row, k] = state[k] if k < 4 else 0.0
+            for n in range(6):
+                tracks.P[row, k, n] = P[k, n] if k < 4 and n < 4 else 0.0
+            if k >= 4:
+                tracks.P[row, k, k] = constants.first_acceleration * constants.first_acceleration
+    tracks.status[t], tracks.existence[t], tracks.age[t] = TENTATIVE, constants.birth, 0
+
+
+@inlined
+def near_road(x, distance, constants):
+    """Whether x[0] is at most ``distance`` m from a road, on the map."""
+    i, j = cell_of(x[0, 0], x[0, 1], constants) if np.isfinite(x[0, 0]) else (-1, -1)
+    return i >= 0 and constants.road[i, j] <= distance
+
+
+@inlined
+def may_start(x, P, constants):
+    """Whether x[0] is on a road visible to all antennas, and known well enough."""
+    if not near_road(x, 0.0, constants):
+        return False
+    i, j = cell_of(x[0, 0], x[0, 1], constants)
+    visible = constants.back_visible[0, i, j, 0] and constants.back_visible[1, i, j, 0]
+    known = P[0, 0, 0] + P[0, 1, 1] <= constants.vaguest * constants.vaguest
+    return constants.out_visible[0, i, j, 0] and visible and known
+
+
+@inlined
+def end(t, tracks, mm):
+    """Empty a slot."""
+    tracks.status[t] = EMPTY
+    tracks.existence[t] = 0.0
+    tracks.age[t] = 0
+    for m in range(len(mm)):
+        tracks.mu[t, m] = 1.0 / len(mm)
+
+
+@inlined
+def off_road(t, a, b, tracks, constants, mm):
+    """Whether a track is farther from all roads than its own uncertainty explains.
+
+    The mirror image of a target moves into a building when the target turns.
+    """
+    i, j = cell_of(a, b, constants)
+    if i < 0:
+        return True
+    variance = 0.0
+    for m in range(len(mm)):
+        row = t * len(mm) + m
+        variance += tracks.mu[t, m] * (tracks.P[row, 0, 0] + tracks.P[row, 1, 1])
+    return constants.road[i, j] > constants.slack + 2.0 * np.sqrt(variance)
+
+
+@kernel
+def update_status(tracks, constants, mm):
+    """Confirm, end and merge tracks: of two at one place the tentative one ends, of equal status the younger one."""
+    for t in range(len(tracks.mu)):
+        if tracks.status[t] == EMPTY:
+            continue
+        least = constants.drop_tentative if tracks.status[t] == TENTATIVE else constants.drop_confirmed
+        a, b, u, v = place_of(t, tracks.x, tracks.mu, len(mm))
+        if (
+            not tracks.existence[t] >= least
+            or off_road(t, a, b, tracks, constants, mm)
+            or not np.hypot(u, v) < 2.0 * constants.fastest
+        ):
+            end(t, tracks, mm)
+        elif tracks.existence[t] >= constants.confirm and tracks.age[t] + 1 >= constants.confirm_after:
+            tracks.status[t] = CONFIRMED
+        tracks.age[t] += tracks.status[t] != EMPTY
+    for t in range(len(tracks.mu)):
+        for s in range(t):
+            if tracks.status[t] != EMPTY and tracks.status[s] != EMPTY:
+                a, b, u, v = place_of(t, tracks.x, tracks.mu, len(mm))
+                c, d, p, q = place_of(s, tracks.x, tracks.mu, len(mm))
+                apart, faster = np.hypot(a - c, b - d), np.hypot(u - p, v - q)
+                if apart < constants.merge_distance and faster < constants.merge_speed:
+                    older = tracks.status[s] > tracks.status[t] or (
+                        tracks.status[s] == tracks.status[t] and tracks.age[s] >= tracks.age[t]
+                    )
+                    end(t if older else s, tracks, mm)

@@ -15,7 +15,7 @@ from wavegym.core.errors import InputError
 from wavegym.core.system import ObservationField, State
 from wavegym.sensors.multistatic import Multistatic
 from wavegym.sensors.urban_map import UrbanMap
-from wavegym.systems.urban import figure_kernels
+from wavegym.systems.urban import kernels
 from wavegym.targets import ScriptedPath
 from wavegym.trackers import gospa_kernels
 
@@ -166,7 +166,7 @@ def urban_info(state: State, direct: Array) -> dict[str, Array]:
     counts, sure = np.empty((4, len(belief.step)), np.int64), np.empty(belief.status.shape, np.bool_)
     places = np.empty((*sure.shape, 2))
     sizes = (0,) * belief.x.shape[3], (0,) * belief.x.shape[2]
-    figure_kernels.figures(
+    kernels.figures(
         belief.step, belief.x, belief.P, belief.mu, belief.status, truth.targets, truth.present, truth.number, direct,
         HELD_WITHIN, values, flags, counts, sure, places, *sizes
     )  # fmt: skip

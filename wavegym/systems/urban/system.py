@@ -7,12 +7,18 @@ from functools import cached_property, lru_cache
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-import shapely
 
 from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.errors import InputError, check_positive
-from wavegym.core.parameters import NonNegative, Positive, Probability, parameter, system_parameters
+from wavegym.core.parameters import (
+    NonNegative,
+    Positive,
+    Probability,
+    changed_default,
+    parameter,
+    system_parameters,
+)
 from wavegym.core.policy import makers_by_form
 from wavegym.core.system import ObservationField, State, System
 from wavegym.core.traits import DecisionMaker, DecisionMakers, TimedPulses
@@ -20,7 +26,7 @@ from wavegym.sensors import Antenna, Multistatic, range_and_rate
 from wavegym.sensors.detection import detected_snr_table, detection_table
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import Point, UrbanMap
-from wavegym.systems.urban import figure_kernels, kernels
+from wavegym.systems.urban import kernels
 from wavegym.systems.urban.receivers import UrbanReceivers
 from wavegym.systems.urban.state import (
     Belief,
@@ -79,7 +85,8 @@ class Urban(System, DecisionMakers, TimedPulses):
         its line and the direction of arrival, with variance 12 / (pi^2 (3^2 - 1) eta). It cannot tell a direction from
         its mirror image in the line, so the lines of two receivers stand at right angles.
 
-        The tracker starts, confirms and ends tracks: LMIPDA and a variable-structure IMM of unscented filters.
+        The tracker starts, confirms and ends tracks: LMIPDA and a variable-structure IMM of unscented filters. A
+        tracker of your own does not fit: its estimate has a fixed number of targets and no probabilities of existence.
 
     Rewards
         Minus the cost: the sum over the ``charged`` slots of least cost of r min(trace(Lambda P), c0) + (1 - r) c0. r
@@ -209,18 +216,8 @@ class Urban(System, DecisionMakers, TimedPulses):
         if len(self.truth_model.arrivals) != len(self.arrivals):
             given = len(self.truth_model.arrivals)
             raise InputError(f"truth has arrivals of {given} targets, expected {len(self.arrivals)} as without truth")
-        self._check_antennas()
         check_time_on_target(self.timings, self.dt)
         _ = self.actions, self.urban_tracker, self.scene, self._most
-
-    def _check_antennas(self) -> None:
-        """InputError for an antenna too far from all roads to receive an echo."""
-        for name in ("transmitters", "receivers"):
-            for place in getattr(self, name):
-                away = self.map.paved.distance(shapely.Point(place))
-                if away > 2.0 * self.reach:
-                    wanted = f"at most twice the reach, {2.0 * self.reach:g} m: farther echoes are not received"
-                    raise InputError(f"{name} has {place}, {away:g} m from the nearest road, expected {wanted}")
 
     @cached_property
     def map(self) -> UrbanMap:
@@ -309,17 +306,14 @@ class Urban(System, DecisionMakers, TimedPulses):
     @cached_property
     def urban_tracker(self) -> UrbanTracker:
         """The tracker."""
+        directions = {"axes": self._axes, **WITH_DIRECTIONS} if self.direction_of_arrival else {}
         return UrbanTracker(
-            self.map, self.transmitters, self.receivers, **self._tracker_settings,
+            self.map, self.transmitters, self.receivers, **directions,
             models=self.tracker, dt=self.dt, slots=self.slots,
             clutter_density=self.clutter_density, false_alarm=self._false_alarm,
             fluctuation=self.fluctuation, error_snr=self.error_snr, searched=self._searched,
             rate_floor=self.rate_floor, reach=self.reach, sigma=self.sigma, vaguest=self.vaguest, ghosts=self.ghosts,
         )  # fmt: skip
-
-    @property
-    def _tracker_settings(self) -> dict[str, Any]:
-        return {"axes": self._axes, **WITH_DIRECTIONS} if self.direction_of_arrival else {}
 
     @cached_property
     def scene(self) -> Scene:
@@ -364,19 +358,11 @@ class Urban(System, DecisionMakers, TimedPulses):
         )
 
     @cached_property
-    def _detection_table(self) -> Array:
-        return detection_table(self._false_alarm, self.fluctuation, self._searched)
-
-    @cached_property
-    def _snr_table(self) -> Array:
-        if self.error_snr == "mean":
-            return np.zeros((0, 0))
-        return detected_snr_table(self._false_alarm, self.fluctuation, self._searched)
-
-    @cached_property
     def _sensor_law(self) -> kernels.SensorLaw:
+        law = self._false_alarm, self.fluctuation, self._searched
+        snr_table = np.zeros((0, 0)) if self.error_snr == "mean" else detected_snr_table(*law)
         return kernels.SensorLaw(
-            self.clutter_density, math.log(self._false_alarm), self._detection_table, self._snr_table,
+            self.clutter_density, math.log(self._false_alarm), detection_table(*law), snr_table,
             self.rate_floor, self.reach, self.urban_tracker.elements, self.ambiguity,
         )  # fmt: skip
 
@@ -450,7 +436,7 @@ class Urban(System, DecisionMakers, TimedPulses):
         x, P, mu, existence = (for_kernel(leaf).reshape(-1, *leaf.shape[lead:]) for leaf in belief[1:5])
         each = np.empty(existence.shape)
         sizes = (0,) * x.shape[3], (0,) * x.shape[2]
-        figure_kernels.costs(x, P, mu, existence, self._weights, self.absent, each, *sizes)
+        kernels.costs(x, P, mu, existence, self._weights, self.absent, each, *sizes)
         return np.add.reduce(each[:, : self.charged], axis=1).reshape(belief.existence.shape[:-1])
 
     def trace(self, belief: Belief) -> Array:
@@ -482,3 +468,31 @@ class Urban(System, DecisionMakers, TimedPulses):
         tracks, of tracks ``refused`` a slot and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
         """
         return urban_info(state, self.truth_model.scene.direct)
+
+
+@system_parameters
+class UrbanSignal(Urban):
+    """The urban loop at the signal level: pulse trains at array elements, matched filters, peaks.
+
+    Description
+        As wavegym/Urban-v0, but measurements come from simulated signals at the three elements of each receiver: echoes
+        of targets over all paths, and noise. The mean of thirty frames without targets is subtracted. This cancels the
+        echoes of walls and trees and adds the noise of the mean. Matched filters give an image over delay and Doppler.
+        Peaks in the best direction count if they exceed a threshold that noise exceeds ``clutter_density`` times per (m
+        x m/s). A quadratic fit to log |A|^2 measures them. Paths less than a resolution cell apart return one peak. A
+        train has 25 pulses and lasts 25 ms. The echo of each path has a new phase and a new amplitude in every scan
+        (``fluctuation``). The tracker knows that a receiver takes the greatest value of an image: its Pd is that of
+        ``wavegym.sensors.detection_probability`` with searched = 3.
+
+    Rewards
+        As wavegym/Urban-v0.
+
+    Starting state
+        As wavegym/Urban-v0.
+
+    Episode end
+        As wavegym/Urban-v0.
+    """
+
+    pulses: int = changed_default(Urban, "pulses", 25)
+    fidelity: Literal["measurement", "signal"] = changed_default(Urban, "fidelity", "signal")

@@ -19,6 +19,7 @@ from itertools import product
 from typing import Literal, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
@@ -110,7 +111,8 @@ class UrbanTracker:
         cell: width of the cells of the grid, m.
 
     Raises:
-        InputError: an invalid value or an antenna in a building, or antennas that cannot locate a target.
+        InputError: an invalid value, an antenna in a building or far from all roads, or antennas that cannot locate
+            a target.
     """
 
     urban_map: UrbanMap
@@ -169,7 +171,17 @@ class UrbanTracker:
             check_probability("stay", self.stay)
         check_elements(lambda name, value: check_within(name, value, 0.0, 1.0), "drop", self.drop)
         check_elements(check_non_negative, "merge", self.merge)
+        self._check_antennas()
         _ = self.constants
+
+    def _check_antennas(self) -> None:
+        """InputError for an antenna too far from all roads to receive an echo."""
+        for name in ("transmitters", "receivers"):
+            for place in getattr(self, name):
+                away = self.urban_map.paved.distance(shapely.Point(place))
+                if away > 2.0 * self.reach:
+                    wanted = f"at most twice the reach, {2.0 * self.reach:g} m: farther echoes are not received"
+                    raise InputError(f"{name} has {place}, {away:g} m from the nearest road, expected {wanted}")
 
     @cached_property
     def motion(self) -> tuple[MotionModel, ...]:
@@ -230,7 +242,7 @@ class UrbanTracker:
                 f"z and count have shapes {z.shape} and {count.shape}, expected ({envs}, {pairs}, most, {size}) and "
                 f"({envs}, {pairs})"
             )
-        if not scan_kernels.are_counts(count, z.shape[2]):
+        if not tracker_kernels.are_counts(count, z.shape[2]):
             wrong = (count < 0) | (count > z.shape[2]) | (count != np.floor(count))
             raise InputError(f"count is {count[wrong][0]:g}, expected an integer from 0 to {z.shape[2]}, the size of z")
         after, waves, count = self._copied(tracks), self._waves(R, snr, envs), count.astype(np.int64)
@@ -247,7 +259,7 @@ class UrbanTracker:
         (env, pair, most, m, m), 0 beyond the measurements.
         """
         errors = np.zeros((*z.shape, self.quantities))
-        scan_kernels.direct_errors(z, count, R, snr, self.constants, errors, self._sizes[-1])
+        tracker_kernels.direct_errors(z, count, R, snr, self.constants, errors, self._sizes[-1])
         return errors
 
     def expect(self, tracks: Tracks, R: ArrayLike, snr: ArrayLike) -> Tracks:
@@ -279,7 +291,7 @@ class UrbanTracker:
             raise InputError(
                 f"R and snr have shapes {np.shape(R)} and {np.shape(snr)}, expected {(*lead, 2, 2)} and {lead}"
             ) from None
-        if not scan_kernels.are_waves(covariance, ratio):
+        if not tracker_kernels.are_waves(covariance, ratio):
             check_elements(check_positive, "snr", ratio)
             raise InputError(f"R is {np.asarray(R).tolist()}, expected positive definite matrices")
         return covariance, ratio
@@ -294,7 +306,7 @@ class UrbanTracker:
         return effective_snr_table(self.false_alarm, self.fluctuation, self.searched)
 
     @cached_property
-    def constants(self) -> scan_kernels.TrackerConstants:
+    def constants(self) -> tracker_kernels.TrackerConstants:
         """Everything that kernels need."""
         grid = Grid.over(self.urban_map, (*self.transmitters, *self.receivers), self.cell)
         lines = self.axes or ((1.0, 0.0),) * len(self.receivers)
@@ -305,7 +317,7 @@ class UrbanTracker:
         changes = TRANSITION
         if self.stay is not None:
             changes = np.where(np.eye(models, dtype=np.bool_), self.stay, (1.0 - self.stay) / (models - 1))
-        return scan_kernels.TrackerConstants(
+        return tracker_kernels.TrackerConstants(
             transmitters=np.array([t for t, _ in pairs]), receivers=np.array([r for _, (r, _) in pairs]),
             axes=np.array([axis for _, (_, axis) in pairs], np.float64), elements=self.elements,
             F=np.stack([model.F for model in self.motion]), Q=np.stack([model.Q for model in self.motion]),

@@ -1,13 +1,14 @@
-"""Kernels of the urban tracker: predicted tracks and measurements, gates, and the update by several measurements.
+"""Kernels of the urban tracker: its arrays, predicted tracks and measurements, gates, and the update by measurements.
 
-Arrays belong to one environment; ``Tracks`` and ``TrackerConstants`` are those of ``scan_kernels.py``. Rows of x and P
-are ordered by track, then model, as in ``imm_kernels.py``. A measurement is (range, range-rate), or (range, range-rate,
-direction cosine). ``ll`` has one zero for each quantity, so the compiler unrolls the loops. The direction cosine is
-measured up to multiples of 2.
+Arrays belong to one environment. Rows of x and P are ordered by track, then model, as in ``imm_kernels.py``. A
+measurement is (range, range-rate), or (range, range-rate, direction cosine). ``ll`` has one zero for each quantity, so
+the compiler unrolls the loops. The direction cosine is measured up to multiples of 2.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,150 @@ from wavegym.trackers.imm_kernels import mix_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
 from wavegym.trackers.ukf_kernels import predict_direction_one, predict_multistatic_one
 
+EMPTY, TENTATIVE, CONFIRMED = 0, 1, 2
+NEAR, ELSEWHERE = 0, 1  # sets of models: near a junction, elsewhere
+HIDDEN = 0.02  # Pd where the map says that the target is hidden: maps and estimates are not exact
 LOG_2PI = np.log(2.0 * np.pi)
+
+
+class TrackerConstants(NamedTuple):
+    """What the tracker assumes about map, antennas and targets; see ``UrbanTracker`` for units and meaning."""
+
+    transmitters: Any  # (pair, 2), of each pair of a transmitter and a receiver
+    receivers: Any
+    axes: Any  # (pair, 2), unit vectors along the elements of each receiver
+    elements: int
+    F: Any  # (model, 6, 6)
+    Q: Any
+    transition: Any  # (2, model, model): near junctions, elsewhere
+    corner: Any  # (2,), south-western corner of the grid
+    cell: float
+    road: Any  # (column, row): distance to the nearest road, m
+    junction: Any  # (column, row): whether the cell lies in a junction
+    out_images: Any  # (pair, image, 2): of the transmitter, padded with images visible from nowhere
+    out_order: Any  # (pair, image)
+    out_reflected: Any
+    out_visible: Any  # (pair, column, row, image)
+    back_images: Any  # the same of the receiver
+    back_order: Any
+    back_reflected: Any
+    back_visible: Any
+    back_axes: Any  # (pair, image, 2)
+    density: float  # of false returns, per unit of all measured quantities
+    gate: float  # squared
+    start_gate: float  # squared, of a new track
+    gate_probability: float
+    log_false_alarm: float
+    detection_table: Any  # of detection.detection_table
+    effective_table: Any  # of detection.effective_snr_table; empty: covariances at the mean SNR
+    rate_floor: float
+    reach: float
+    survival: float
+    birth: float
+    confirm: float
+    confirm_after: int
+    drop_tentative: float
+    drop_confirmed: float
+    merge_distance: float
+    merge_speed: float
+    slack: float
+    vaguest: float
+    fastest: float
+    usual_speed: float
+    first_acceleration: float
+    ghosts: bool
+
+
+class Tracks(NamedTuple):
+    """The slots of one environment, as rows: x (slot * model, 6), P (slot * model, 6, 6), mu (slot, model), (slot,)."""
+
+    x: Any
+    P: Any
+    mu: Any
+    existence: Any
+    status: Any
+    age: Any
+
+
+class Predicted(NamedTuple):
+    """Predicted measurements of one pair, of each model (slot * model, ...), and detection of each track (slot,)."""
+
+    centre: Any  # (slot * model, m)
+    S: Any  # (slot * model, m, m), without measurement errors
+    G: Any  # (slot * model, 6, m), covariance of state and measurement
+    eta: Any  # (slot,): SNR
+    pd: Any  # (slot,): Pd Pg
+
+
+class Scratch(NamedTuple):
+    """Scratch space for one scan; n = 6 states, m quantities of a measurement."""
+
+    x: Any  # (slot * model, n)
+    P: Any  # (slot * model, n, n)
+    c: Any  # (slot, model)
+    T: Any  # (n, n)
+    A: Any  # (slot * model, n, n)
+    R: Any  # (m, m)
+    none: Any  # (m, m), zeros
+    L: Any  # (m, m)
+    spread: Any  # (m, m)
+    w: Any  # (m,)
+    W: Any  # (m, n)
+    shift: Any  # (n,)
+    total: Any  # (n,)
+    h: Any  # (m,)
+    H: Any  # (m, 4)
+    start: Any  # (1, 4), of a new track
+    start_spread: Any  # (1, 4, 4)
+    J: Any  # (1, 4, 4)
+
+
+@kernel
+def predicted_for(slots, models, n, m):
+    """Room for predicted measurements; 0 at first because empty slots read them unwritten."""
+    rows = slots * models
+    return Predicted(
+        np.zeros((rows, m)), np.zeros((rows, m, m)), np.zeros((rows, n, m)), np.empty(slots), np.empty(slots),
+    )  # fmt: skip
+
+
+@kernel
+def scratch_for(slots, models, n, m):
+    """Scratch space; the fit of a new track needs two rows of A."""
+    rows = max(slots * models, 2)
+    return Scratch(
+        np.empty((rows, n)), np.empty((rows, n, n)), np.empty((slots, models)), np.empty((n, n)),
+        np.empty((rows, n, n)), np.empty((m, m)), np.zeros((m, m)), np.empty((m, m)), np.empty((m, m)),
+        np.empty(m), np.empty((m, n)), np.empty(n), np.empty(n), np.empty(m), np.empty((m, 4)),
+        np.empty((1, 4)), np.empty((1, 4, 4)), np.empty((1, 4, 4)),
+    )  # fmt: skip
+
+
+@kernel
+def slots_of(e, x, P, mu, existence, status, age):
+    """Tracks of environment e: views of arrays (env, slot, ...)."""
+    rows, n = x.shape[1] * x.shape[2], x.shape[3]
+    return Tracks(x[e].reshape(rows, n), P[e].reshape(rows, n, n), mu[e], existence[e], status[e], age[e])
+
+
+@kernel
+def are_counts(count, most):
+    """Whether all of count (env, pair) are integers from 0 to ``most``."""
+    fine = True
+    for number in count.flat:
+        fine = fine and 0 <= number <= most and number == np.floor(number)
+    return fine
+
+
+@kernel
+def are_waves(R, snr):
+    """Whether all of R (env, pair, 2, 2) are positive definite and all of snr (env, pair) finite and positive."""
+    fine = True
+    for e in range(snr.shape[0]):
+        for pair in range(snr.shape[1]):
+            S = R[e, pair]
+            fine = fine and S[0, 0] > 0.0 and S[0, 0] * S[1, 1] > S[0, 1] * S[1, 0] and 0.0 < snr[e, pair] < np.inf
+    return fine
 
 
 @inlined
@@ -33,6 +177,26 @@ def covariance_at(eta, wave, rate_floor, constants, R, ll):
     if len(ll) == 3:
         R[0, 2] = R[2, 0] = R[1, 2] = R[2, 1] = 0.0
         R[2, 2] = direction_variance(eta, constants.elements)
+
+
+@kernel
+def direct_errors(z, count, wave, reference, constants, errors, ll):
+    """errors (env, pair, measurement, m, m): covariances at the SNR of a direct path of each measured range."""
+    for e in range(len(z)):
+        for pair in range(z.shape[1]):
+            for i in range(count[e, pair]):
+                eta = snr_at(z[e, pair, i, 0], reference[e, pair], 1.0)
+                covariance_at(eta, wave[e, pair], 0.0, constants, errors[e, pair, i], ll)
+
+
+@kernel
+def add_rate_floor(given, count, constants, R, ll):
+    """R (measurement, m, m): the covariance that the receiver gives, and the floor of range-rate."""
+    for i in range(count):
+        for j in range(len(ll)):
+            for k in range(len(ll)):
+                R[i, j, k] = given[i, j, k]
+        R[i, 1, 1] += constants.rate_floor * constants.rate_floor
 
 
 @inlined
@@ -127,11 +291,6 @@ def update_one(row, x, P, z, R, count, beta, centre, S, G, scratch, nn, ll):
         for k in range(j + 1):
             P[row, j, k] -= total[j] * total[k]
             P[row, k, j] = P[row, j, k]
-
-
-EMPTY, TENTATIVE, CONFIRMED = 0, 1, 2
-NEAR, ELSEWHERE = 0, 1  # sets of models: near a junction, elsewhere
-HIDDEN = 0.02  # Pd where the map says that the target is hidden: maps and estimates are not exact
 
 
 @inlined
@@ -259,3 +418,15 @@ def linearise_path(state, out, back, axis, h, H, ll):
     if len(ll) == 3:
         h[2] = axis[0] * a1 + axis[1] * b1
         H[2, 0], H[2, 1], H[2, 2], H[2, 3] = (axis[0] - h[2] * a1) / r1, (axis[1] - h[2] * b1) / r1, 0.0, 0.0
+
+
+@inlined
+def project(P, H, S, ll):
+    """S (m, m) = H P H', H (m, 4): the covariance of a predicted measurement without its errors."""
+    for i in range(len(ll)):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(4):
+                for m in range(4):
+                    total += H[i, k] * P[k, m] * H[j, m]
+            S[i, j] = S[j, i] = total
