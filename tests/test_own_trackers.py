@@ -20,6 +20,7 @@ from wavegym.evaluation import compare
 from wavegym.schedulers.registry import SCHEDULERS
 from wavegym.systems.composed import LinearTargets, LineOfSightRadar, Loop, Pulses, WeightedTrace
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
+from wavegym.targets import constant_velocity
 from wavegym.testing import check_vector_env
 from wavegym.testing.shortcut_check import shortcut_defect
 from wavegym.trackers.protocol import Estimate, ExtendedKalman, MeasurementModel, Scan
@@ -90,6 +91,20 @@ def test_returns_of_one_target_add_their_information() -> None:
             weighted = weighted + H.T @ np.linalg.solve(R[e, i], z[e, i])
         np.testing.assert_allclose(after.covariance[e, 1], np.linalg.inv(information), rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(after.mean[e, 1], np.linalg.solve(information, weighted), rtol=1e-9, atol=1e-12)
+
+
+def test_each_target_is_predicted_with_its_own_process_noise() -> None:
+    """All at once, and one by one with a filter that takes one matrix."""
+    from own_parts.trackers import filterpy_ekf
+
+    rng, motion = np.random.default_rng(0), constant_velocity(2.0, 1.0, ("x", "y"))
+    mean, P, density = rng.standard_normal((3, 2, 4)), oracles.random_covariance(rng, 4, (3, 2)), rng.random((3, 2))
+    for tracker in (ExtendedKalman(), filterpy_ekf()):
+        after = tracker.predict(Estimate(mean, P), motion.scaled(density))
+        for at in np.ndindex(3, 2):
+            want = motion.F @ P[at] @ motion.F.T + constant_velocity(2.0, density[at], ("x", "y")).Q
+            np.testing.assert_allclose(after.covariance[at], want, rtol=1e-12)
+            np.testing.assert_allclose(after.mean[at], motion.F @ mean[at], rtol=1e-12)
 
 
 def test_a_tracker_of_ones_own_passes_the_check_of_shortcuts() -> None:
