@@ -17,6 +17,7 @@ from wavegym.core.errors import InputError
 from wavegym.envs.rewards import REWARDS
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation import compare
+from wavegym.evaluation.task import make_task
 from wavegym.schedulers.registry import SCHEDULERS
 from wavegym.systems.composed import LinearTargets, LineOfSightRadar, Loop, Pulses, WeightedTrace
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
@@ -105,6 +106,60 @@ def test_each_target_is_predicted_with_its_own_process_noise() -> None:
             want = motion.F @ P[at] @ motion.F.T + constant_velocity(2.0, density[at], ("x", "y")).Q
             np.testing.assert_allclose(after.covariance[at], want, rtol=1e-12)
             np.testing.assert_allclose(after.mean[at], motion.F @ mean[at], rtol=1e-12)
+
+
+ALWAYS_SEEN = {"hidden": (0, 0), "half_field": 1.5, "settle": 0, "detection": 1.0}
+
+
+def followed(name, worlds, steps, **settings):
+    """NEES (step, env, target), and the beliefs, with actions that change every fourth step."""
+    system = make_task(f"{name}-v0", settings).system
+    tapes, rng = oracles.worlds(system, worlds), np.random.default_rng(0)
+    states, actions = [system.initial(tapes)], rng.integers(len(system.actions), size=(steps // 4 + 1, worlds))
+    for action in np.repeat(actions, 4, axis=0)[:steps]:
+        states.append(system.transition(states[-1], action, tapes))
+    return np.array([system.state_info(state)["nees"] for state in states]), [state.belief for state in states]
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "tracker"),
+    [
+        ("SectorSetup", {"receivers": ((-4e3, 3e3),), "iterations": 1}, "kalman"),  # whose step is an extended filter's
+        ("SectorSetup", {}, "own_parts.trackers:filterpy_ekf"),
+        pytest.param("SectorSetupCity", {}, "own_parts.trackers:filterpy_ekf", marks=pytest.mark.slow),
+        ("CameraSlew", {}, "own_parts.trackers:filterpy_ekf"),
+        ("CameraSlew", ALWAYS_SEEN, "own_parts.trackers:stonesoup_kalman"),
+    ],
+)
+def test_extended_filters_are_one_in_systems_that_look(name, settings, tracker) -> None:
+    """The built-in one, those of other packages one by one, and all targets at once."""
+    one, other = (followed(name, 3, 16, tracker=t, **settings)[1] for t in (ExtendedKalman(), tracker))
+    for own, peer in zip(one, other, strict=True):
+        np.testing.assert_allclose(own.mean, peer.mean, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(own.covariance, peer.covariance, rtol=1e-9, atol=1e-9)
+
+
+def test_an_extended_filter_is_consistent_where_the_camera_always_sees() -> None:
+    """Mean NEES over 60 steps within three standard errors of 4; errors are correlated over some ten steps."""
+    nees, _ = followed("CameraSlew", 100, 60, tracker=ExtendedKalman(), **ALWAYS_SEEN)
+    assert abs(nees.mean() - 4.0) < 3.0 * np.sqrt(2.0 * 4.0 / (nees.size / 10.0))
+
+
+def test_schedulers_look_with_the_process_noise_that_the_tracker_believes_in() -> None:
+    """Twice the noise in a belief is twice the density; the tracker's own model stays."""
+    for name in ("CameraSlew", "SectorSetup"):
+        system = make_task(f"{name}-v0", {}).system
+        belief = system.initial(oracles.worlds(system, 2)).belief
+        told, doubled = belief._replace(process_noise=system.motion.scaled(2.0 * belief.q).Q), 2.0 * belief.q
+        want, every = belief._replace(q=doubled), system.candidates()[None]
+        np.testing.assert_allclose(system.observe(told), system.observe(want), rtol=1e-12)
+        np.testing.assert_allclose(
+            shortcuts.gain(system, told, 2, 5), shortcuts.gain(system, want, 2, 5), rtol=1e-12, atol=1e-12
+        )
+        ahead = system.predict(told, every)
+        np.testing.assert_allclose(ahead.covariance, system.predict(want, every).covariance, rtol=1e-12)
+        np.testing.assert_array_equal(ahead.q[:, 0], belief.q)
+        np.testing.assert_array_equal(ahead.process_noise[:, -1], told.process_noise)
 
 
 def test_a_tracker_of_ones_own_passes_the_check_of_shortcuts() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,6 +59,8 @@ class Belief(NamedTuple):
     settling: Array  # (env,) int: steps to settle that are left after the turn
     q: Array  # (env, target) m^2/s^3: process noise density
     visible: Array  # (env, H, target) bool: whether the line of sight from camera to target is free
+    memory: Any = None  # of another tracker that has one; None otherwise, and in prediction
+    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as such a tracker believes it
 
 
 def camera_fields(targets: int) -> tuple[ObservationField, ...]:

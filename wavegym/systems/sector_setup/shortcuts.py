@@ -11,16 +11,17 @@ from wavegym.core.arrays import Array
 from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.shortcuts import MeasuredFields
 from wavegym.core.system import State
+from wavegym.systems.look_system import NN
 from wavegym.systems.sector_setup import kernels
 from wavegym.systems.sector_setup import prediction_kernels as prediction
 from wavegym.systems.sector_setup.state import Belief, World, illuminator_fields, report_fields, report_values
-from wavegym.systems.sector_setup.system import NN, SectorSetup
+from wavegym.systems.sector_setup.system import SectorSetup
 
 
 @shortcuts.fused_transition.register(SectorSetup)
 def fused_transition(system: SectorSetup, state: State, action: Array, world: World) -> State:
     """One step: move, set up or look, track."""
-    if system.truth_model._recorded:
+    if system.truth_model._recorded or system._own_tracker:
         return system.composed_transition(state, action, world)
     truth, belief = state
     targets, report, fresh = np.empty(truth.targets.shape), system._report(belief), system._fresh(belief)
@@ -59,7 +60,7 @@ def gain(system: SectorSetup, belief: Belief, wait: Array | int, ahead: int) -> 
     """
     out = np.empty((len(belief.step), len(system.actions)))
     later = np.atleast_2d(np.asarray(wait, np.int64))
-    step, mean, covariance, pointed, _, q, visible, looked = belief
+    step, mean, covariance, pointed, _, q, visible, looked, *_ = system._expected(belief)
     target, waveform = system._target_and_waveform
     M, rows = system.linear_cost.weights_ahead(ahead), (0,) * (2 * len(system.receivers))
     prediction.gain(

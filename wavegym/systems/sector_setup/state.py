@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,6 +54,8 @@ class Belief(NamedTuple):
     q: Array  # (env, target) process noise density as the tracker assumes it, m^2/s^3
     visible: Array  # (env, H, target) bool: visible from step k to k + 1, known in advance; all True if predicted
     looked: Array  # (env,) int: 1 if the last step's pulse found its target, -1 if it found nothing, 0 without a pulse
+    memory: Any = None  # of another tracker that has one; None otherwise, and in prediction
+    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as such a tracker believes it
 
 
 def report_fields(receivers: int, reference_range: float, speed: float) -> tuple[ObservationField, ...]:
