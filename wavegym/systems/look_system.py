@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from wavegym.core import shortcuts
 from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.covariances import trace_cost
 from wavegym.core.errors import check_ordered, check_positive
@@ -216,3 +217,9 @@ class LookSystem(System, PlaysRecordings):
         values = np.empty((3, *belief.mean.shape[:2]))
         measure(belief.mean, belief.covariance, truth.targets, values, NN)
         return dict(zip(("position_error", "position_variance", "nees"), values, strict=True))
+
+
+@shortcuts.linear_cost.register(LookSystem)
+def linear_cost(system: LookSystem) -> LinearCost:
+    """All targets have the same motion model except for their process noise."""
+    return system.linear_cost

@@ -6,7 +6,6 @@ import numpy as np
 
 from wavegym.core import shortcuts
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.shortcuts import MeasuredFields
 from wavegym.core.system import ObservationField, State
 from wavegym.systems.camera_slew import kernels
@@ -30,12 +29,6 @@ def fused_transition(system: CameraSlew, state: State, action: Array, world: Wor
         *system._true_motion, system._world, *system._scene, *fresh, moved, received, unseen, seen, NN
     )  # fmt: skip
     return State(Truth(moved, received, unseen, seen, truth.q), Belief(belief.step + 1, *fresh, *belief[7:]))
-
-
-@shortcuts.linear_cost.register(CameraSlew)
-def linear_cost(system: CameraSlew) -> LinearCost:
-    """All targets have the same motion model except for their process noise."""
-    return system.linear_cost
 
 
 @shortcuts.delay.register(CameraSlew)

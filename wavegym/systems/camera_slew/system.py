@@ -19,7 +19,6 @@ from wavegym.sensors.platform import KINDS, platform_jacobian, platform_measurem
 from wavegym.systems.camera_slew import kernels
 from wavegym.systems.camera_slew.kernels import Mount
 from wavegym.systems.camera_slew.state import (
-    SOON,
     Belief,
     Measurements,
     Truth,
@@ -39,7 +38,7 @@ from wavegym.systems.rf_eo.scenario import (
     ranges_of_moving_targets,
 )
 from wavegym.systems.rf_eo.system import RfEo
-from wavegym.systems.visibility_windows import coming, visibility, window_draws
+from wavegym.systems.visibility_windows import SOON, coming, visibility, window_draws
 from wavegym.targets import MotionModel
 from wavegym.trackers.polar_kernels import to_polar
 from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan

@@ -8,7 +8,6 @@ import numpy as np
 
 from wavegym.core import shortcuts
 from wavegym.core.arrays import Array
-from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.shortcuts import MeasuredFields
 from wavegym.core.system import State
 from wavegym.systems.look_system import NN
@@ -31,12 +30,6 @@ def fused_transition(system: SectorSetup, state: State, action: Array, world: Wo
     )  # fmt: skip
     measurements = system._measurements(*report)
     return State(system.note(truth._replace(targets=targets), measurements), system._following(belief, *fresh))
-
-
-@shortcuts.linear_cost.register(SectorSetup)
-def linear_cost(system: SectorSetup) -> LinearCost:
-    """All targets have the same motion model except for their process noise."""
-    return system.linear_cost
 
 
 @shortcuts.delay.register(SectorSetup)

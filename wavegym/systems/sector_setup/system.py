@@ -20,14 +20,13 @@ from wavegym.systems.look_system import NN, LookSystem
 from wavegym.systems.sector_setup import kernels
 from wavegym.systems.sector_setup import prediction_kernels as prediction
 from wavegym.systems.sector_setup.state import (
-    SOON,
     Belief,
     Measurements,
     Truth,
     World,
     sector_fields,
 )
-from wavegym.systems.visibility_windows import Window, visibility, window_draws
+from wavegym.systems.visibility_windows import SOON, Window, visibility, window_draws
 from wavegym.targets import MotionModel, constant_turn
 from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan
 
