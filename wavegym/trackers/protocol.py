@@ -179,8 +179,13 @@ def track(tracker: Tracker, estimate: Estimate, motion: MotionModel, *scans: Sca
     after = tracker.predict(estimate, motion)
     for scan in scans:
         after = tracker.update(after, scan)
+    return check_kept(tracker, estimate, after)
+
+
+def check_kept(tracker: Tracker, before: Estimate, after: Estimate) -> Estimate:
+    """``after``; InputError if a tracker has lost its memory or its process noise, or has made one in play."""
     for field in ("memory", "process_noise"):
-        if (getattr(after, field) is None) != (getattr(estimate, field) is None):
+        if (getattr(after, field) is None) != (getattr(before, field) is None):
             wanted = f"an estimate with {field} as begin() returns it (nearest: estimate._replace(...))"
             raise InputError(f"{field} of {type(tracker).__name__} is {getattr(after, field)!r:.40}, expected {wanted}")
     return after

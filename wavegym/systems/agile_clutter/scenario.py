@@ -211,12 +211,12 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         """The given tracker; None for one of TRACKERS.
 
         Raises:
-            InputError: no such tracker, or one with a memory.
+            InputError: no such tracker, or one with a memory where targets come and go.
         """
         tracker = own_tracker(self.tracker, TRACKERS)
-        if isinstance(tracker, TrackerWithMemory):
-            given = f"tracker is {type(tracker).__name__}"
-            raise InputError(f"{given}, expected one without a memory: no target has one before its birth")
+        if isinstance(tracker, TrackerWithMemory) and (any(self.births) or self.lifetime < self.horizon):
+            wanted = "one without a memory: targets come and go (nearest: births of 0, and horizon <= lifetime)"
+            raise InputError(f"tracker is {type(tracker).__name__}, expected {wanted}")
         return tracker
 
     @cached_property

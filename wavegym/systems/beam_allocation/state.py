@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from wavegym.core.arrays import Array
-from wavegym.trackers import GaussianMixture, Particles
+from wavegym.systems.agile_clutter.state import Hypotheses
 
 
 class World(NamedTuple):
@@ -26,5 +26,5 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
-    hypotheses: Particles | GaussianMixture | None  # as in AgileClutter's belief
+    hypotheses: Hypotheses  # as in AgileClutter's belief
     visible: Array  # (env, H, target) bool: whether a target is visible from step k to k + 1
