@@ -1,4 +1,4 @@
-"""A small system with masks and early ends, whose costs can be computed by hand."""
+"""A small system with masks and early ends, whose costs can be computed by hand, and a tracker with a memory."""
 
 from __future__ import annotations
 
@@ -10,12 +10,19 @@ import numpy as np
 
 from wavegym.core.action_sets import Library
 from wavegym.core.system import ObservationField, State, System
+from wavegym.targets import constant_velocity
+from wavegym.trackers.imm import ImmKalman
 
 BRIEF = {
     "wavegym/UrbanSignal-v0": {"horizon": 12, "pulses": 5, "arrivals": (-5.0, 0.0)},
     "wavegym/MultifunctionRadar-v0": {"horizon": 300},
 }
 """Settings for whole episodes of ids whose steps take milliseconds, or whose episodes have thousands of them."""
+
+
+def two_models():
+    """A tracker of targets in the plane that has a memory and a process noise of its own."""
+    return ImmKalman(tuple(constant_velocity(1.0, q, ("x", "y")) for q in (0.02, 5.0)))
 
 
 class Fuel(NamedTuple):

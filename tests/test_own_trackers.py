@@ -17,10 +17,12 @@ from wavegym.core.errors import InputError
 from wavegym.envs.rewards import REWARDS
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation import compare
+from wavegym.evaluation.play import make_task
 from wavegym.schedulers.registry import SCHEDULERS
 from wavegym.systems.composed import LinearTargets, LineOfSightRadar, Loop, Pulses, WeightedTrace
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
 from wavegym.systems.rf_eo.system import RfEo, RfEoFar
+from wavegym.targets import constant_velocity
 from wavegym.testing import check_vector_env
 from wavegym.testing.shortcut_check import shortcut_defect
 from wavegym.trackers.protocol import Estimate, ExtendedKalman, MeasurementModel, Scan
@@ -91,6 +93,74 @@ def test_returns_of_one_target_add_their_information() -> None:
             weighted = weighted + H.T @ np.linalg.solve(R[e, i], z[e, i])
         np.testing.assert_allclose(after.covariance[e, 1], np.linalg.inv(information), rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(after.mean[e, 1], np.linalg.solve(information, weighted), rtol=1e-9, atol=1e-12)
+
+
+def test_each_target_is_predicted_with_its_own_process_noise() -> None:
+    """All at once, and one by one with a filter that takes one matrix."""
+    from own_parts.trackers import filterpy_ekf
+
+    rng, motion = np.random.default_rng(0), constant_velocity(2.0, 1.0, ("x", "y"))
+    mean, P, density = rng.standard_normal((3, 2, 4)), oracles.random_covariance(rng, 4, (3, 2)), rng.random((3, 2))
+    for tracker in (ExtendedKalman(), filterpy_ekf()):
+        after = tracker.predict(Estimate(mean, P), motion.scaled(density))
+        for at in np.ndindex(3, 2):
+            want = motion.F @ P[at] @ motion.F.T + constant_velocity(2.0, density[at], ("x", "y")).Q
+            np.testing.assert_allclose(after.covariance[at], want, rtol=1e-12)
+            np.testing.assert_allclose(after.mean[at], motion.F @ mean[at], rtol=1e-12)
+
+
+ALWAYS_SEEN = {"hidden": (0, 0), "half_field": 1.5, "settle": 0, "detection": 1.0}
+
+
+def followed(name, worlds, steps, **settings):
+    """NEES (step, env, target), and the beliefs, with actions that change every fourth step."""
+    system = make_task(f"{name}-v0", settings).system
+    tapes, rng = oracles.worlds(system, worlds), np.random.default_rng(0)
+    states, actions = [system.initial(tapes)], rng.integers(len(system.actions), size=(steps // 4 + 1, worlds))
+    for action in np.repeat(actions, 4, axis=0)[:steps]:
+        states.append(system.transition(states[-1], action, tapes))
+    return np.array([system.state_info(state)["nees"] for state in states]), [state.belief for state in states]
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "tracker"),
+    [
+        ("SectorSetup", {"receivers": ((-4e3, 3e3),), "iterations": 1}, "kalman"),  # whose step is an extended filter's
+        ("SectorSetup", {}, "own_parts.trackers:filterpy_ekf"),
+        pytest.param("SectorSetupCity", {}, "own_parts.trackers:filterpy_ekf", marks=pytest.mark.slow),
+        ("CameraSlew", {}, "own_parts.trackers:filterpy_ekf"),
+        ("CameraSlew", ALWAYS_SEEN, "own_parts.trackers:stonesoup_kalman"),
+    ],
+)
+def test_extended_filters_are_one_in_systems_that_look(name, settings, tracker) -> None:
+    """The built-in one, those of other packages one by one, and all targets at once."""
+    one, other = (followed(name, 3, 16, tracker=t, **settings)[1] for t in (ExtendedKalman(), tracker))
+    for own, peer in zip(one, other, strict=True):
+        np.testing.assert_allclose(own.mean, peer.mean, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(own.covariance, peer.covariance, rtol=1e-9, atol=1e-9)
+
+
+def test_an_extended_filter_is_consistent_where_the_camera_always_sees() -> None:
+    """Mean NEES over 60 steps within three standard errors of 4; errors are correlated over some ten steps."""
+    nees, _ = followed("CameraSlew", 100, 60, tracker=ExtendedKalman(), **ALWAYS_SEEN)
+    assert abs(nees.mean() - 4.0) < 3.0 * np.sqrt(2.0 * 4.0 / (nees.size / 10.0))
+
+
+def test_schedulers_look_with_the_process_noise_that_the_tracker_believes_in() -> None:
+    """Twice the noise in a belief is twice the density; the tracker's own model stays."""
+    for name in ("CameraSlew", "SectorSetup"):
+        system = make_task(f"{name}-v0", {}).system
+        belief = system.initial(oracles.worlds(system, 2)).belief
+        told, doubled = belief._replace(process_noise=system.motion.scaled(2.0 * belief.q).Q), 2.0 * belief.q
+        want, every = belief._replace(q=doubled), system.candidates()[None]
+        np.testing.assert_allclose(system.observe(told), system.observe(want), rtol=1e-12)
+        np.testing.assert_allclose(
+            shortcuts.gain(system, told, 2, 5), shortcuts.gain(system, want, 2, 5), rtol=1e-12, atol=1e-12
+        )
+        ahead = system.predict(told, every)
+        np.testing.assert_allclose(ahead.covariance, system.predict(want, every).covariance, rtol=1e-12)
+        np.testing.assert_array_equal(ahead.q[:, 0], belief.q)
+        np.testing.assert_array_equal(ahead.process_noise[:, -1], told.process_noise)
 
 
 def test_a_tracker_of_ones_own_passes_the_check_of_shortcuts() -> None:

@@ -35,6 +35,7 @@ NEAR: dict[str, Any] = {  # targets within the blind ranges of pulses; the secon
 IN_CLUTTER = ("AgileClutter", "BeamAllocation", "EnergyBudget", "EnergyBudgetKnown")
 COMING = {"births": (0, 3), "lifetime": 9, "action": "library"}
 OWN = {"tracker": "wavegym.trackers.protocol:ExtendedKalman"}
+MODELS = "small_systems:two_models"  # a tracker with a memory
 FORMS: tuple[Variant, ...] = (
     ("AgileClutter", {"tracker": "jpda", "action": "joint"}),
     ("AgileClutter", {"tracker": "particle", "particles": 20, "action": "box"}),
@@ -51,6 +52,8 @@ FORMS: tuple[Variant, ...] = (
     ("SectorSetup", {"dead_steps": 0, "turn_rate": 0.05}),
     ("RfEo", {**OWN, **COMING, "slew_rate": 0.2, "turns": 3, "points": (2, 1, 2)}),
     ("RfEoFar", {**OWN, "action": "library"}),
+    ("CameraSlew", {"tracker": MODELS, "platforms": ((0.0, 0.0), (1e3, -2e3))}),
+    ("SectorSetup", {"tracker": MODELS}),
 )
 EVERY = pytest.mark.parametrize(
     ("name", "settings"),
@@ -421,6 +424,7 @@ CONFORMING: tuple[Variant, ...] = (
     *(("RfEo", {"action": form, "slew_rate": 0.3, "turns": 3, "points": (2, 1, 2), **BRIEFLY}) for form in (
         "library", "joint")),
     ("KershawEvans", {"tracker": "imm", "densities": (1.0, 100.0), **BRIEFLY}),
+    *((name, {"tracker": MODELS, **BRIEFLY}) for name in ("CameraSlew", "SectorSetup")),
     ("KershawEvansPosition", {"tracker": "imm", **BRIEFLY}),
     ("Urban", {"horizon": 12, "arrivals": (-10.0, 0.0), **FORMS[10][1]}),
     *(("Urban", {"horizon": 12, "arrivals": (-10.0, 0.0), "error_snr": "realised", **more}) for more in (

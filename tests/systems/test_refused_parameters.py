@@ -37,6 +37,10 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"tracker": "jdpa"}, "did you mean 'jpda'"),
         ({"tracker": 3}, "expected an object with predict"),
         ({"tracker": "no.such:Thing"}, "cannot be loaded"),
+        (
+            {"tracker": ImmKalman((constant_velocity(1.0, 1.0),))},
+            "ImmKalman, expected one without a memory",
+        ),
         ({"truth": {"clutter": 1e-3}}, "did you mean 'clutter_density'"),
         ({"truth": {"q": -1.0}}, "q is -1.0"),
     ],
@@ -59,6 +63,7 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"interval": 1e-4}, r"folds at 14989.6 m, .* farthest target, 31800.2 m \(nearest: interval"),
     ],
     "CameraSlew": [
+        ({"tracker": "kalmann"}, "tracker is 'kalmann', expected one of 'kalman'; did you mean 'kalman'"),
         ({"sector": (1.0, -1.0)}, r"sector is \(1, -1\).*nearest: \(-1, 1\)"),
         ({"ranges": (2e3, 1e3)}, "ranges is"),
         ({"q": (2.0, 1.0)}, r"q is \(2, 1\)"),
@@ -103,6 +108,7 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ),
     ],
     "SectorSetup": [
+        ({"tracker": ExtendedKalman}, r"expected an object with predict.*nearest: OneByOne\(filter\)"),
         ({"receivers": ()}, r"receivers is \(\): Tuple should have at least 1 item"),
         ({"waveforms": ()}, r"waveforms is \(\): Tuple should have at least 1 item"),
         ({"waveforms": ((12.0, 1.0),) * 2}, "expected different waveforms"),

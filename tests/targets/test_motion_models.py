@@ -141,6 +141,8 @@ def test_end_of_random_paths_has_the_models_covariance():
         (lambda: MotionModel(np.eye(2), np.array([[1.0, 2.0], [2.0, 1.0]]), ("a", "b")), "positive semidefinite"),
         (lambda: MotionModel(np.eye(2), np.array([[1.0, 0.2], [0.0, 1.0]]), ("a", "b")), "symmetric"),
         (lambda: MotionModel(np.eye(2), np.full((2, 2), np.nan), ("a", "b")), "finite"),
+        (lambda: constant_velocity(1.0, 1.0).scaled(np.array([1.0, -1.0])), r"Q\[1\] has the eigenvalue"),
+        (lambda: constant_velocity(1.0, 1.0).scaled(np.ones(3)).noise_factor, r"Q has shape \(3, 2, 2\), exp"),
         (lambda: random_path(constant_velocity(1.0, 1.0), [1.0, 2.0, 3.0], np.zeros((5, 2))), "shapes"),
         (lambda: random_path(constant_velocity(1.0, 1.0), [1.0, 2.0], np.zeros((5, 3))), "shapes"),
         (lambda: random_path(constant_velocity(1.0, 1.0), np.zeros((3, 2)), np.zeros((2, 5, 2))), "leading axes"),

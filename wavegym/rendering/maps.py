@@ -10,7 +10,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.system import State
 from wavegym.rendering.panels import Moment, caption, few_ticks
 from wavegym.sensors.urban_map import UrbanMap
-from wavegym.trackers import GaussianMixture
+from wavegym.trackers import GaussianMixture, Particles
 from wavegym.waveforms import Waveform, plot_ambiguity
 
 if TYPE_CHECKING:
@@ -138,12 +138,12 @@ def to_scale(axes: Axes, points: Array) -> Array:
 def draw_hypotheses(axes: Axes, now: State, target: int, origin: Array, scale: float = 1.0) -> None:
     """Draw the mean of each particle or component as a faint point, if the tracker has hypotheses."""
     hypotheses = now.belief.hypotheses
-    if hypotheses is None:
-        return
     if isinstance(hypotheses, GaussianMixture):
         means = hypotheses.mean[0, target, hypotheses.weight[0, target] > 0.0]
-    else:
+    elif isinstance(hypotheses, Particles):
         means = hypotheses.mean[0, :, target]
+    else:
+        return
     points = scale * (means[:, PLANE] - origin)
     axes.plot(*points.T, color=colour(target), **PARTICLE)
 

@@ -10,10 +10,12 @@ from numpy.typing import ArrayLike
 
 from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.errors import InputError, check_ordered, check_within
+from wavegym.core.system import ObservationField
 from wavegym.systems import visibility_windows_kernels
 
 Window = tuple[int, int, int]
 LONGEST = 1_000_000  # steps
+SOON = 10  # steps of visibility that are observed
 
 
 def window_draws(horizon: int, shown: tuple[int, int], hidden: tuple[int, int]) -> int:
@@ -108,6 +110,17 @@ def visibility(system: Any, draws: Array, targets: int) -> Array:
         return np.tile(given_windows(system.windows, targets, system.horizon), (len(draws), 1, 1))
     drawn = alternating_windows(draws, system.horizon, system.shown, system.hidden)
     return np.ascontiguousarray(np.swapaxes(drawn, 1, 2))
+
+
+def window_fields(target: int) -> tuple[ObservationField, ...]:
+    """What is observed of the windows of a target, numbered from 1: the fields of ``Coming`` over ``SOON`` steps."""
+    t, half = target, 0.5 * SOON
+    share = f"fraction of the next {SOON} steps in which it is visible"
+    return (
+        ObservationField(f"visible_{t}", "1", 0.5, 0.5, f"whether target {t} is visible in the next step"),
+        ObservationField(f"changes_{t}", "step", half, half, f"steps until its visibility changes, at most {SOON}"),
+        ObservationField(f"soon_visible_{t}", "1", 0.5, 0.3, share),
+    )
 
 
 class Coming(NamedTuple):

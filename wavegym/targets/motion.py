@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavegym.core.arrays import FloatArray, check_finite, for_kernel
+from wavegym.core.arrays import Array, FloatArray, check_finite, for_kernel
 from wavegym.core.covariances import check_covariance
 from wavegym.core.errors import InputError, check_choice, check_int, check_non_negative, check_positive
 from wavegym.targets.kernels import scan, scan_batch
@@ -31,7 +31,8 @@ class MotionModel:
 
     Args:
         F: transition matrix, (n, n).
-        Q: process noise covariance, (n, n), symmetric and positive semidefinite.
+        Q: process noise covariance, symmetric and positive semidefinite: (n, n), or (..., n, n) where each target has a
+            process noise of its own.
         names: one name per state component, such as ``("r", "rdot")``.
 
     Raises:
@@ -48,15 +49,26 @@ class MotionModel:
         if n == 0 or len(set(names)) < n:
             raise InputError(f"names is {names!r}, expected different names, one per state component")
         for symbol, matrix in (("F", F), ("Q", Q)):
-            if matrix.shape != (n, n) or not np.isfinite(matrix).all():
+            own = matrix.shape[-2:] if symbol == "Q" else matrix.shape
+            if own != (n, n) or not np.isfinite(matrix).all():
                 raise InputError(f"{symbol} has shape {matrix.shape}, expected {(n, n)} finite numbers for {names!r}")
         for field, value in (("F", F), ("Q", Q), ("names", names)):
             object.__setattr__(self, field, value)
         check_covariance("Q", Q)
 
+    def scaled(self, density: Array) -> MotionModel:
+        """The model of targets whose process noise is ``density`` (...) times this one: its Q is (..., n, n)."""
+        return replace(self, Q=density[..., None, None] * self.Q)
+
     @cached_property
     def noise_factor(self) -> FloatArray:
-        """Lower triangular L with L Lᵀ = Q, (n, n); columns of zeros where Q is singular."""
+        """Lower triangular L with L Lᵀ = Q, (n, n); columns of zeros where Q is singular.
+
+        Raises:
+            InputError: a Q for each target.
+        """
+        if self.Q.ndim > 2:
+            raise InputError(f"Q has shape {self.Q.shape}, expected {self.F.shape}: one process noise for all paths")
         return _semidefinite_cholesky(self.Q)
 
     @cached_property

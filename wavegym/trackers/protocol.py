@@ -3,12 +3,15 @@
 A ``Tracker`` works on all targets of all environments at once. A ``TargetFilter`` works on one target, as the filters
 of other packages do; ``OneByOne`` makes a tracker of it. A ``TrackerWithMemory`` keeps more than a mean and a
 covariance, such as the models of an IMM, the hypotheses of an MHT or particles.
+
+``motion.Q`` is (n, n) if all targets have the same process noise, otherwise (env, target, n, n). ``OneByOne`` gives
+each filter the model of its target, with a Q of (n, n).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -100,8 +103,9 @@ class OneByOne:
         """See ``Tracker``."""
         after = _copied(estimate)
         for at in np.ndindex(*estimate.mean.shape[:2]):
+            own = motion if motion.Q.ndim == 2 else replace(motion, Q=motion.Q[at])
             after.mean[at], after.covariance[at] = self.filter.predict(
-                estimate.mean[at].copy(), estimate.covariance[at].copy(), motion
+                estimate.mean[at].copy(), estimate.covariance[at].copy(), own
             )
         return after
 
@@ -166,15 +170,22 @@ def begin_track(tracker: Tracker, estimate: Estimate, motion: MotionModel) -> Es
     return first
 
 
-def track(tracker: Tracker, estimate: Estimate, motion: MotionModel, scan: Scan) -> Estimate:
-    """The estimate one step later, with the returns of one sensor.
+def track(tracker: Tracker, estimate: Estimate, motion: MotionModel, *scans: Scan) -> Estimate:
+    """The estimate one step later, with one scan after another.
 
     Raises:
         InputError: a tracker that loses its memory or its process noise.
     """
-    after = tracker.update(tracker.predict(estimate, motion), scan)
+    after = tracker.predict(estimate, motion)
+    for scan in scans:
+        after = tracker.update(after, scan)
+    return check_kept(tracker, estimate, after)
+
+
+def check_kept(tracker: Tracker, before: Estimate, after: Estimate) -> Estimate:
+    """``after``; InputError if a tracker has lost its memory or its process noise, or has made one in play."""
     for field in ("memory", "process_noise"):
-        if (getattr(after, field) is None) != (getattr(estimate, field) is None):
+        if (getattr(after, field) is None) != (getattr(before, field) is None):
             wanted = f"an estimate with {field} as begin() returns it (nearest: estimate._replace(...))"
             raise InputError(f"{field} of {type(tracker).__name__} is {getattr(after, field)!r:.40}, expected {wanted}")
     return after

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import oracles
 import pytest
@@ -55,6 +57,25 @@ class Associating:
         return centre, np.einsum("tka,tkb->tab", d, d) / (2 * n), np.einsum("tka,tkb->tab", offset, d) / (2 * n)
 
 
+class Scans(NamedTuple):
+    """The memory of ``Counting``."""
+
+    count: np.ndarray  # (env,)
+
+
+class Counting(Associating):
+    """The same tracker, which remembers how many scans it has seen."""
+
+    def begin(self, estimate, motion):
+        return estimate._replace(memory=Scans(np.zeros(len(estimate.mean), np.int64)))
+
+    def predict(self, estimate, motion):
+        return super().predict(estimate, motion)._replace(memory=estimate.memory)
+
+    def update(self, estimate, scan):
+        return super().update(estimate, scan)._replace(memory=Scans(estimate.memory.count + 1))
+
+
 def actions(system, count, seed=0):
     """Drawn actions of an episode."""
     rng, constants = np.random.default_rng(seed), system.candidates()
@@ -84,6 +105,21 @@ def test_a_tracker_of_ones_own_plays_as_the_compiled_one(kind):
         want, got = compiled.transition(want, action, worlds), own.transition(got, action, worlds)
         np.testing.assert_allclose(own.cost(got.belief), compiled.cost(want.belief), rtol=1e-6)
     assert want.belief.hypotheses is got.belief.hypotheses is None
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_memory_goes_from_step_to_step_where_targets_stay(kind):
+    """It is a tracker's own: estimates are those of the tracker without it, and a prediction has none."""
+    staying = {"births": (0, 0), "horizon": 25} if kind is AgileClutter else {}
+    plain, own = (kind(clutter_density=1e-6, tracker=tracker(), **staying) for tracker in (Associating, Counting))
+    worlds = oracles.worlds(plain, 2)
+    want, got = plain.initial(worlds), own.initial(worlds)
+    for k, action in enumerate(actions(plain, 2)[:8], 1):
+        want, got = plain.transition(want, action, worlds), own.transition(got, action, worlds)
+        np.testing.assert_array_equal(got.belief.hypotheses.memory.count, k * len(own.sensors))
+        np.testing.assert_array_equal(got.belief.covariance, want.belief.covariance)
+    assert own.predict(got.belief, action).hypotheses is None
+    assert shortcut_defect(own) is None
 
 
 @pytest.mark.parametrize("kind", KINDS)

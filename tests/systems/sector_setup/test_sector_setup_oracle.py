@@ -157,7 +157,7 @@ def test_expected_outcome_is_the_mean_of_what_happens():
     count, action = 10_000, np.full(10_000, 2)
     truth = type(state.truth)(*(np.repeat(a, count, axis=0) for a in state.truth))
     truth = truth._replace(visible=np.ones_like(truth.visible))
-    many = type(state.belief)(*(np.repeat(a, count, axis=0) for a in ready(SYSTEM, state.belief, np.ones(1, int))))
+    many = oracles.rows(ready(SYSTEM, state.belief, np.ones(1, int)), np.zeros(count, int))
     many = many._replace(step=np.zeros(count, np.int64))
     worlds = oracles.worlds(SectorSetup(horizon=1), count)
     predicted = SYSTEM.predict(oracles.rows(many, slice(1)), action[:1]).covariance[0, 1]

@@ -42,7 +42,7 @@ from wavegym.systems.recorded_targets import (
 from wavegym.targets import MotionModel, constant_turn
 from wavegym.trackers import predict_covariance
 from wavegym.trackers.association_kernels import CLUSTER_LIMIT
-from wavegym.trackers.protocol import Tracker, own_tracker
+from wavegym.trackers.protocol import Tracker, TrackerWithMemory, own_tracker
 from wavegym.waveforms import PulseTiming, check_range_folds, check_time_on_target, pulse_timings
 from wavegym.waveforms.timing import ENERGY
 
@@ -208,8 +208,16 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
 
     @cached_property
     def _own_tracker(self) -> Tracker | None:
-        """The given tracker; None for one of TRACKERS."""
-        return own_tracker(self.tracker, TRACKERS)
+        """The given tracker; None for one of TRACKERS.
+
+        Raises:
+            InputError: no such tracker, or one with a memory where targets come and go.
+        """
+        tracker = own_tracker(self.tracker, TRACKERS)
+        if isinstance(tracker, TrackerWithMemory) and (any(self.births) or self.lifetime < self.horizon):
+            wanted = "one without a memory: targets come and go (nearest: births of 0, and horizon <= lifetime)"
+            raise InputError(f"tracker is {type(tracker).__name__}, expected {wanted}")
+        return tracker
 
     @cached_property
     def action_set(self) -> ChirpActions:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,16 @@ NonNegativeState = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
 TRACKERS = ("mixture", "jpda", "particle")
 AT_SENSOR = ("snr", "log10_sigma_r", "log10_sigma_rdot", "correlation")  # fields of every target at every sensor
 NN = (0, 0, 0, 0)  # size of [x y xdot ydot], as the kernels take it
+
+
+class Kept(NamedTuple):
+    """What another tracker keeps beside means and covariances."""
+
+    memory: Any
+    process_noise: Array | None  # (env, target, 4, 4); schedulers do not read it
+
+
+Hypotheses = Particles | GaussianMixture | Kept | None  # None with tracker="jpda" and in prediction
 
 
 class World(NamedTuple):
@@ -48,7 +58,7 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
-    hypotheses: Particles | GaussianMixture | None  # None with tracker="jpda" and in prediction
+    hypotheses: Hypotheses
 
 
 class Measurements(NamedTuple):
@@ -90,13 +100,13 @@ class PredictedTargets(NamedTuple):
     present: Array  # (env, target) bool
 
 
-def kernel_hypotheses(
-    hypotheses: Particles | GaussianMixture | None,
-) -> tuple[Particles | None, GaussianMixture | None, bool | None]:
-    """Particles, mixtures and whether the tracker is JPDA, as the kernels take them: None but for one."""
+def kernel_hypotheses(hypotheses: Hypotheses) -> tuple[Particles | None, GaussianMixture | None, bool | None]:
+    """Particles, mixtures and whether each target has one Gaussian, as the kernels take them: None but for one."""
     if isinstance(hypotheses, Particles):
         return hypotheses, None, None
-    return None, hypotheses, True if hypotheses is None else None
+    if isinstance(hypotheses, GaussianMixture):
+        return None, hypotheses, None
+    return None, None, True
 
 
 def drawn_around(centre: ArrayLike, spread: ArrayLike, place: Array) -> Array:

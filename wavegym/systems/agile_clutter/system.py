@@ -23,6 +23,8 @@ from wavegym.systems.agile_clutter.scenario import ClutterScenario
 from wavegym.systems.agile_clutter.state import (
     NN,
     Belief,
+    Hypotheses,
+    Kept,
     Measurements,
     PredictedTargets,
     Pulse,
@@ -36,9 +38,17 @@ from wavegym.systems.recorded_targets import (
     drawn_windows,
 )
 from wavegym.targets import MotionModel, random_path
-from wavegym.trackers import GaussianMixture, Particles, single_gaussian
+from wavegym.trackers import Particles, single_gaussian
 from wavegym.trackers.jpda import reduction_table
-from wavegym.trackers.protocol import UNKNOWN, Estimate, MeasurementModel, Scan, Tracker
+from wavegym.trackers.protocol import (
+    UNKNOWN,
+    Estimate,
+    MeasurementModel,
+    Scan,
+    Tracker,
+    begin_track,
+    check_kept,
+)
 
 NO_MIXTURE = np.empty((1, 1, 0))  # in place of the weights of its components
 LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)
@@ -64,13 +74,14 @@ class GivenTracker:
         """The belief one step later: one update for each sensor; targets that it cannot detect keep their estimate."""
         step, (births, lifetime) = belief.step, self.targets
         is_here = (births < step[:, None] + 1) & (step[:, None] + 1 <= births + lifetime)
-        before = Estimate(belief.mean, belief.covariance)
+        before = Estimate(belief.mean, belief.covariance, *(belief.hypotheses or ()))
         now = _chosen(is_here, self.tracker.predict(before, self.motion), before)
         for i in range(len(self.radar[0])):
             is_lit, scan = self._scan(i, now, step, pulse, measurements)
             now = _chosen(is_lit, self.tracker.update(now, scan), now)
         mean = np.where((births == step[:, None] + 1)[..., None], measurements.first, now.mean)
-        return belief._replace(step=step + 1, mean=mean, covariance=now.covariance)
+        now = check_kept(self.tracker, before, now)
+        return belief._replace(step=step + 1, mean=mean, covariance=now.covariance, hypotheses=_kept(now))
 
     def _scan(
         self, i: int, now: Estimate, step: Array, pulse: tuple[Array, ...], measurements: Any
@@ -90,11 +101,20 @@ class GivenTracker:
 
 
 def _chosen(chosen: Array, one: Estimate, other: Estimate) -> Estimate:
-    """The estimates ``one`` of the targets that are ``chosen`` (env, target), the others' of ``other``."""
-    return Estimate(
-        np.where(chosen[..., None], one.mean, other.mean),
-        np.where(chosen[..., None, None], one.covariance, other.covariance),
+    """The estimates ``one`` of the targets that are ``chosen`` (env, target), the others' of ``other``.
+
+    The tracker takes care of its memory.
+    """
+    return one._replace(
+        mean=np.where(chosen[..., None], one.mean, other.mean),
+        covariance=np.where(chosen[..., None, None], one.covariance, other.covariance),
     )
+
+
+def _kept(estimate: Estimate) -> Kept | None:
+    """What the tracker keeps, if anything."""
+    _, _, memory, noise = estimate
+    return None if memory is None and noise is None else Kept(memory, noise)
 
 
 @system_parameters
@@ -186,8 +206,10 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         truth = Truth(path[:, :, 0].copy(), path, first, np.zeros((count, S), np.int64), np.zeros((count, 4)))
         return State(truth, Belief(np.zeros(count, np.int64), mean, covariance, self._hypotheses(mean, covariance)))
 
-    def _hypotheses(self, mean: Array, covariance: Array) -> Particles | GaussianMixture | None:
-        """The tracker's hypotheses at the first step: all are equal."""
+    def _hypotheses(self, mean: Array, covariance: Array) -> Hypotheses:
+        """The tracker's hypotheses at the first step: all are equal. Or what a tracker with a memory keeps."""
+        if self._own_tracker:
+            return _kept(begin_track(self._own_tracker, Estimate(mean, covariance), self.motion))
         if self.tracker == "mixture":
             return single_gaussian(mean, covariance, self.components)
         if self.tracker == "particle":

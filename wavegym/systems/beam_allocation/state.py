@@ -1,14 +1,11 @@
-"""One beam a radar: tape, belief, and the observation fields of the windows of visibility."""
+"""One beam a radar: tape and belief."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 from wavegym.core.arrays import Array
-from wavegym.core.system import ObservationField
-from wavegym.trackers import GaussianMixture, Particles
-
-SOON = 10  # steps of visibility that are observed
+from wavegym.systems.agile_clutter.state import Hypotheses
 
 
 class World(NamedTuple):
@@ -29,21 +26,5 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
-    hypotheses: Particles | GaussianMixture | None  # as in AgileClutter's belief
+    hypotheses: Hypotheses  # as in AgileClutter's belief
     visible: Array  # (env, H, target) bool: whether a target is visible from step k to k + 1
-
-
-def window_fields(targets: int) -> tuple[ObservationField, ...]:
-    """Observation fields of each target's visibility."""
-    listed: list[ObservationField] = []
-    for t in range(1, targets + 1):
-        listed += [
-            ObservationField(f"visible_{t}", "1", 0.5, 0.5, f"whether target {t} is visible in the next step"),
-            ObservationField(
-                f"changes_{t}", "step", 0.5 * SOON, 0.5 * SOON, f"steps until that changes, at most {SOON}"
-            ),
-            ObservationField(
-                f"soon_visible_{t}", "1", 0.5, 0.3, f"share of the next {SOON} steps in which target {t} is visible"
-            ),
-        ]
-    return tuple(listed)

@@ -26,8 +26,16 @@ from wavegym.systems.agile_clutter.state import (
     target_fields,
 )
 from wavegym.systems.agile_clutter.system import AgileClutter
-from wavegym.systems.beam_allocation.state import SOON, Belief, World, window_fields
-from wavegym.systems.visibility_windows import Window, coming, given_windows, visibility, window_draws
+from wavegym.systems.beam_allocation.state import Belief, World
+from wavegym.systems.visibility_windows import (
+    SOON,
+    Window,
+    coming,
+    given_windows,
+    visibility,
+    window_draws,
+    window_fields,
+)
 from wavegym.waveforms import PulseTrain, measurement_covariances, trapezoid_chirp_library
 from wavegym.waveforms.waveform import Waveform
 
@@ -179,7 +187,6 @@ class BeamAllocation(AgileClutter):
     interval: float = parameter(250e-6, "time between the pulses of a train", unit="s", gt=0)
     library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "a target and a chirp for every sensor, in one index", unit="")
-    tracker: Any = changed_default(AgileClutter, "tracker", "mixture")
     spread: NonNegativeState = parameter(
         (1e3, 1e3, 100.0, 100.0),
         "maximum distance of a first [x y xdot ydot] from its centre",
@@ -260,7 +267,8 @@ class BeamAllocation(AgileClutter):
     def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation: AgileClutter's, then the visibility of every target."""
         targets = len(self.starts)
-        return target_fields(targets, len(self.sensors)) + window_fields(targets)
+        windows = (field for t in range(1, targets + 1) for field in window_fields(t))
+        return (*target_fields(targets, len(self.sensors)), *windows)
 
     def observe(self, belief: Any) -> Array:
         """See ``observation_fields``."""

@@ -14,7 +14,7 @@ import numpy as np
 from wavegym.core.array_kernels import copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.platform_kernels import bearing, wrapped
-from wavegym.systems.rf_eo.kernels import iterate_one, move_one, receive_one
+from wavegym.systems.rf_eo.kernels import iterate_one, move_one, receive_one, rows_of
 from wavegym.systems.rf_eo.look_kernels import absorb_one, gain_of, look_one, look_polar, residual_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one, shrink_one
 from wavegym.trackers.polar_kernels import (
@@ -34,12 +34,6 @@ class Mount(NamedTuple):
     turn: float  # greatest turn in one step, rad
     settle: int  # steps
     detection: float  # probability that a target in view is found
-
-
-@inlined
-def rows_of(array):
-    """array (e, t, ...) as (e t, ...)."""
-    return array.reshape((array.shape[0] * array.shape[1], *array.shape[2:]))
 
 
 @inlined

@@ -6,37 +6,29 @@ import numpy as np
 
 from wavegym.core import shortcuts
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.shortcuts import MeasuredFields
 from wavegym.core.system import ObservationField, State
 from wavegym.systems.camera_slew import kernels
 from wavegym.systems.camera_slew.state import Belief, Truth, World
 from wavegym.systems.camera_slew.system import CameraSlew
+from wavegym.systems.look_system import NN
 from wavegym.systems.rf_eo.state import received_fields, received_values
-from wavegym.systems.rf_eo.system import NN
 
 
 @shortcuts.fused_transition.register(CameraSlew)
 def fused_transition(system: CameraSlew, state: State, action: Array, world: World) -> State:
     """One step: targets move, the camera turns, radars and camera measure, the filter updates."""
-    if system.truth_model._recorded:
+    if system.truth_model._recorded or system._own_tracker:
         return system.composed_transition(state, action, world)
     truth, belief = state
     shape, fresh = truth.unseen.shape, system._empty(belief.step.shape)
     received, unseen, seen = np.empty(shape, np.int64), np.empty(shape, np.int64), np.empty(shape, np.bool_)
     moved = np.empty(truth.targets.shape)
     kernels.transition(
-        *belief, truth.targets, truth.unseen, truth.q, world.process, world.error, world.found, action,
+        *belief[:9], truth.targets, truth.unseen, truth.q, world.process, world.error, world.found, action,
         *system._true_motion, system._world, *system._scene, *fresh, moved, received, unseen, seen, NN
     )  # fmt: skip
-    after = Belief(belief.step + 1, *fresh, belief.q, belief.visible)
-    return State(Truth(moved, received, unseen, seen, truth.q), after)
-
-
-@shortcuts.linear_cost.register(CameraSlew)
-def linear_cost(system: CameraSlew) -> LinearCost:
-    """All targets have the same motion model except for their process noise."""
-    return system.linear_cost
+    return State(Truth(moved, received, unseen, seen, truth.q), Belief(belief.step + 1, *fresh, *belief[7:]))
 
 
 @shortcuts.delay.register(CameraSlew)
@@ -68,7 +60,7 @@ def gain(system: CameraSlew, belief: Belief, wait: Array | int, ahead: int) -> A
     waits = for_kernel(np.broadcast_to(wait, out.shape), np.int64)
     _, _, *scene = system._scene
     kernels.gain(
-        belief.step, belief.mean, belief.covariance, belief.q, belief.visible, waits, *system._powers,
+        belief.step, belief.mean, belief.covariance, system._expected(belief).q, belief.visible, waits, *system._powers,
         system.linear_cost.weights_ahead(ahead), *scene, out, NN
     )  # fmt: skip
     return out

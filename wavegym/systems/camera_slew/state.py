@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import ObservationField
 from wavegym.systems.rf_eo.state import Belief as PlatformBelief
-
-SOON = 10  # steps of visibility that are observed
+from wavegym.systems.visibility_windows import window_fields
 
 
 class World(NamedTuple):
@@ -59,6 +58,8 @@ class Belief(NamedTuple):
     settling: Array  # (env,) int: steps to settle that are left after the turn
     q: Array  # (env, target) m^2/s^3: process noise density
     visible: Array  # (env, H, target) bool: whether the line of sight from camera to target is free
+    memory: Any = None  # of another tracker that has one; None otherwise, and in prediction
+    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as such a tracker believes it
 
 
 def camera_fields(targets: int) -> tuple[ObservationField, ...]:
@@ -73,10 +74,7 @@ def camera_fields(targets: int) -> tuple[ObservationField, ...]:
             ObservationField(f"bearing_{t}", "rad", 0.0, 1.0, f"azimuth of {where}, relative to the camera's pointing"),
             ObservationField(f"delay_{t}", "1", 4.0, 4.0, f"steps until the camera can see {where}"),
             ObservationField(f"in_view_{t}", "1", 0.5, 0.5, f"1 if the camera can see {where}, without delay, else 0"),
-            ObservationField(f"visible_{t}", "1", 0.5, 0.5, f"1 if the line of sight to target {t} is free, else 0"),
-            ObservationField(
-                f"changes_{t}", "step", 0.5 * SOON, 0.5 * SOON, f"steps until its line of sight changes, at most {SOON}"
-            ),
+            *window_fields(t)[:2],
             ObservationField(f"log10_q_{t}", "log10(m^2/s^3)", 0.0, 0.5, f"process noise density of target {t}"),
         ]
     return tuple(listed)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -12,17 +11,14 @@ from pydantic import Field
 
 from wavegym.core.action_sets import Library
 from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.covariances import trace_cost
 from wavegym.core.errors import check_ordered
-from wavegym.core.horizon_weights import LinearCost
-from wavegym.core.parameters import Positive, parameter, system_parameters
-from wavegym.core.system import ObservationField, State, System
+from wavegym.core.parameters import Positive, changed_default, parameter, system_parameters
+from wavegym.core.system import ObservationField, State
 from wavegym.core.traits import TimedPulses
-from wavegym.sensors.platform import KINDS
+from wavegym.sensors.platform import KINDS, platform_jacobian, platform_measurement
 from wavegym.systems.camera_slew import kernels
 from wavegym.systems.camera_slew.kernels import Mount
 from wavegym.systems.camera_slew.state import (
-    SOON,
     Belief,
     Measurements,
     Truth,
@@ -30,42 +26,33 @@ from wavegym.systems.camera_slew.state import (
     camera_fields,
     platform_belief,
 )
-from wavegym.systems.recorded_targets import (
-    PlaysRecordings,
-    drawn_windows,
-    farthest_range_parameter,
-    radar_parameter,
-    smoothing_parameter,
-    tracks_parameter,
-)
-from wavegym.systems.rf_eo.kernels import measure
+from wavegym.systems.look_system import NN, LookSystem
 from wavegym.systems.rf_eo.look_kernels import Rules
 from wavegym.systems.rf_eo.scenario import (
     FARTHEST,
+    FASTEST,
     GREATEST,
-    MOST,
     Azimuth,
     Position,
     StateVariance,
-    StateWeights,
-    TurnRate,
     ranges_of_moving_targets,
 )
-from wavegym.systems.rf_eo.system import NN, RfEo
-from wavegym.systems.visibility_windows import Window, coming, given_windows, visibility, window_draws
+from wavegym.systems.rf_eo.system import RfEo
+from wavegym.systems.visibility_windows import SOON, coming, visibility, window_draws
 from wavegym.targets import MotionModel
 from wavegym.trackers.polar_kernels import to_polar
+from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan
 from wavegym.waveforms import PulseTiming
 
 LONGEST = 10_000  # steps: the system keeps a transition matrix for each number of steps
-FASTEST = 1e6  # rad/s
 LOST_AFTER = 30  # steps in which the camera has not found a target
+CHANGING = Belief._fields[1:7]  # what a step changes: two forms of the estimate, and the camera
 
 Distance = Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]
 
 
 @system_parameters
-class CameraSlew(System, PlaysRecordings, TimedPulses):
+class CameraSlew(LookSystem, TimedPulses):
     """A radar measures no azimuth; a camera sees one direction, needs time to turn, and is sometimes blocked.
 
     Description
@@ -85,10 +72,11 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
         about the radar. The tracker is a Kalman filter in polar coordinates about the first platform [r, rdot, azimuth,
         cross velocity], in which its measurements are linear. Sigma points carry the estimate through the motion. A
         look that does not find a target is evidence against the azimuths in the image. The belief holds the polar
-        Gaussian and its exact Cartesian mean and covariance.
+        Gaussian and its exact Cartesian mean and covariance. Another tracker (``tracker``) gets ranges, range-rates and
+        directions. It is not told that a look found nothing, because a scan holds detections only.
 
     Rewards
-        -trace(W P) summed over the targets, W = diag(weights): m^2, with 1 s^2 on the velocities.
+        -trace(Lambda P) summed over the targets, Lambda = diag(weights): m^2, with 1 s^2 on the velocities.
 
     Starting state
         Targets are uniform in azimuth (``sector``) and range (``ranges``) around the first platform. Their velocities
@@ -105,15 +93,8 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
     """
 
     horizon: int = parameter(60, "steps in an episode", ge=1, le=LONGEST)
-    dt: float = parameter(1.0, "time step", unit="s", gt=0, le=1e6)
-    q: tuple[Positive, Positive] = parameter(
-        (0.02, 2.0),
-        "bounds of the process noise density",
-        unit="m^2/s^3",
-        truth=True,
-    )
-    turn_rate: TurnRate = parameter(0.0, "turn rate of the targets' velocities, to the left", unit="rad/s", truth=True)
-    targets: int = parameter(4, "number of targets", ge=1, le=MOST)
+    q: tuple[Positive, Positive] = changed_default(LookSystem, "q", (0.02, 2.0))
+    prior_variance: StateVariance = changed_default(LookSystem, "prior_variance", (100.0, 1.0, 100.0, 1.0))
     sector: tuple[Azimuth, Azimuth] = parameter(
         (-1.5, 1.5), "minimum and maximum azimuth of the targets' starts, clockwise from +y", unit="rad", truth=True
     )
@@ -122,9 +103,6 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
     )
     speed: float = parameter(
         5.0, "standard deviation of each velocity component at the start", unit="m/s", truth=True, ge=0
-    )
-    prior_variance: StateVariance = parameter(
-        (100.0, 1.0, 100.0, 1.0), "diagonal of P0", unit="m^2, m^2/s^2", truth=True
     )
     platforms: tuple[Position, ...] = parameter(
         ((0.0, 0.0),),
@@ -141,36 +119,22 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
     slew: float = parameter(math.radians(30.0), "maximum turn rate of the camera", unit="rad/s", gt=0, le=FASTEST)
     settle: int = parameter(3, "steps to settle, focus and search the image after a large turn", ge=0, le=1000)
     detection: float = parameter(0.7, "probability that a target in the image is found", truth=True, ge=0, le=1)
-    shown: tuple[int, int] = parameter((6, 14), "minimum and maximum number of steps in which a target stays visible")
-    hidden: tuple[int, int] = parameter((4, 10), "minimum and maximum number of steps in which it stays hidden")
-    windows: tuple[Window, ...] = parameter(
-        (), "(target, first step, last step) in which a target is hidden; () draws the windows", unit=""
-    )
     pixels: int = parameter(1000, "pixels across the image", truth=True, ge=1, le=1_000_000)
     carrier_hz: float = parameter(10e9, "carrier frequency fc", unit="Hz", gt=0, le=1e15)
     prf: float = parameter(10e3, "pulse repetition frequency", unit="Hz", gt=0, le=0.5 * GREATEST)
     bandwidth: float = parameter(2e6, "bandwidth B", unit="Hz", truth=True, gt=0, le=GREATEST)
     fft_length: int = parameter(128, "Nfft, pulses integrated", truth=True, ge=1, le=1_000_000)
     iterations: int = parameter(10, "maximum iterations of an update; a single platform needs none", ge=1, le=1_000_000)
-    weights: StateWeights = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of W", unit="1, s^2")
     nearest_range: float = parameter(
         1.0, "a platform does not measure targets nearer than this", unit="m", truth=True, gt=0, le=FARTHEST
     )
-    tracks: Path | None = tracks_parameter("that replaces the drawn targets")
-    radar: tuple[float, ...] | None = radar_parameter()
-    farthest_range: float = farthest_range_parameter(10e3)
-    smoothing: float | None = smoothing_parameter()
-
-    nees_dimension = 4  # position and velocity
 
     def __post_init__(self) -> None:
         """Check several fields together."""
-        for name in ("sector", "ranges", "q"):
+        super().__post_init__()
+        for name in ("sector", "ranges"):
             check_ordered(name, *getattr(self, name))
-        window_draws(self.horizon, self.shown, self.hidden)
-        given_windows(self.windows, self.targets, self.horizon)
         self.loop  # noqa: B018  (invalid platforms are reported here)
-        self._recorded  # noqa: B018  (an invalid recording is reported here)
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:
@@ -238,15 +202,6 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
         return np.stack(transitions), np.stack(noises)
 
     @cached_property
-    def linear_cost(self) -> LinearCost:
-        """The cost as a function of the covariance, and the targets' transition."""
-        return LinearCost(self.motion.F, self.weights)
-
-    @cached_property
-    def _weights(self) -> Array:
-        return np.array(self.weights)
-
-    @cached_property
     def _earlier_noise(self) -> Array:
         """F^-1 Q F'^-1: one step's noise as if it had come a step earlier."""
         back = np.linalg.inv(self.motion.F)
@@ -286,28 +241,17 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
         vx, vy = self.speed * world.velocity[..., 0], self.speed * world.velocity[..., 1]
         return np.stack([x + r * np.sin(azimuth), vx, y + r * np.cos(azimuth), vy], axis=-1)
 
-    def _densities(self, world: World) -> Array:
-        """Process noise density of each target, (env, target)."""
-        return self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
+    def _first_truth(self, world: World, targets: Array, q: Array, window: Array | None) -> Truth:
+        """The camera has found no target yet."""
+        nothing = np.zeros(q.shape, np.int64)
+        return Truth(targets, nothing, nothing.copy(), np.zeros(q.shape, np.bool_), q, window)
 
-    def initial(self, world: World) -> State:
-        """The targets' drawn starts, and the first estimates."""
-        count, T = world.start.shape[:2]
-        recorded, window = self.truth_model._recorded, None
-        if recorded:
-            window = drawn_windows(recorded, world.process[:, 0, :, 0])
-            true_states = recorded.states(window, np.zeros(count, np.int64))
-        else:
-            true_states = self.truth_model._starts(world)
-        mean = true_states + np.sqrt(self.truth_model.prior_variance) * world.start
-        covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
-        nothing = np.zeros((count, T), np.int64)
-        step = np.zeros(count, np.int64)
-        q, true_q = self._densities(world), self.truth_model._densities(world)
-        truth = Truth(true_states, nothing, nothing.copy(), np.zeros((count, T), np.bool_), true_q, window)
-        visible = visibility(self, world.window, T)
+    def _first_belief(self, world: World, truth: Truth, estimate: Estimate, q: Array) -> Belief:
+        """The camera looks along +y."""
+        step, (mean, covariance, *_) = np.zeros(len(q), np.int64), estimate
+        visible = visibility(self, world.window, self.targets)
         p, S = to_polar(mean, covariance, self.loop.places[0])
-        return State(truth, Belief(step, mean, covariance, p, S, np.zeros(count), step.copy(), q, visible))
+        return Belief(step, mean, covariance, p, S, np.zeros(len(q)), step.copy(), q, visible)
 
     @cached_property
     def _true_motion(self) -> tuple[Array, Array]:
@@ -327,19 +271,10 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
         cartesian, polar = ((np.empty(mean), np.empty(covariance)) for _ in range(2))
         return *cartesian, *polar, np.empty(shape), np.empty(shape, np.int64)
 
-    @property
-    def _recorded_shape(self) -> tuple[int, int]:
-        """Targets, and steps."""
-        return self.targets, self.horizon
-
-    def move(self, truth: Truth, step: Array, world: World) -> Truth:
-        """The targets one step on."""
-        recorded = self.truth_model._recorded
-        if recorded and truth.window is not None:
-            return truth._replace(targets=recorded.states(truth.window, step + 1))
-        moved = np.empty(truth.targets.shape)
-        kernels.move(step, truth.targets, truth.q, world.process, *self._true_motion, moved, NN)
-        return truth._replace(targets=moved)
+    def _moved(self, targets: Array, q: Array, step: Array, world: World) -> Array:
+        moved = np.empty(targets.shape)
+        kernels.move(step, targets, q, world.process, *self._true_motion, moved, NN)
+        return moved
 
     def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
         """What radars and camera report, after the camera has turned towards the target ``action``."""
@@ -352,12 +287,35 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
         )  # fmt: skip
         return Measurements(z, variance)
 
-    def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
-        """One step of the tracker; the camera turns."""
+    def _filtered(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
+        """One step of the polar filter; the camera turns."""
         fresh = self._empty(belief.step.shape)
         *scene, _ = self._scene
-        kernels.track(*belief, action, *measurements, *scene, *fresh, NN)
-        return Belief(belief.step + 1, *fresh, belief.q, belief.visible)
+        kernels.track(*belief[:9], action, *measurements, *scene, *fresh, NN)
+        return Belief(belief.step + 1, *fresh, *belief[7:])
+
+    def _scans(self, belief: Belief, after: Belief, action: Array, measurements: Measurements) -> list[Scan]:
+        """Range and range-rate of every platform, and the direction of the targets that the camera found.
+
+        The direction is a unit vector: it has no jump, as an azimuth has.
+        """
+        z, variance = measurements
+        present = np.isfinite(variance)
+        R = np.where(present, variance, 1.0)[..., None, None]
+        target = np.broadcast_to(np.arange(self.targets), present.shape[:2])
+        scans = [
+            Scan(z[..., a, None], present[..., a], target, R[:, :, a], _range_or_rate(self.loop.places[a // 3], a % 3))
+            for a in range(z.shape[2])
+            if a % 3 != kernels.AZIMUTH
+        ]
+        azimuth = after.pointing[:, None] + z[..., kernels.AZIMUTH]
+        seen = np.stack([np.sin(azimuth), np.cos(azimuth)], axis=-1)
+        found, R = present[..., kernels.AZIMUTH], R[:, :, kernels.AZIMUTH] * np.eye(2)
+        return [*scans, Scan(seen, found, target, R, _direction(self.loop.places[0]))]
+
+    def _with_estimate(self, belief: Belief, estimate: Estimate) -> Belief:
+        polar = to_polar(estimate.mean, estimate.covariance, self.loop.places[0])
+        return belief._replace(**estimate._asdict(), polar_mean=polar[0], polar_covariance=polar[1])
 
     def note(self, truth: Truth, measurements: Measurements) -> Truth:
         """The truth with the number of quantities received, and whether the camera found each target."""
@@ -366,29 +324,14 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
         unseen = np.where(seen, 0, truth.unseen + 1)
         return Truth(truth.targets, received.sum(axis=2), unseen, seen, truth.q, truth.window)
 
-    def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
-        """The belief one step ahead: predicted means, and covariances updated with the quantities predicted in view.
-
-        Args:
-            belief: the belief.
-            actions: (env,) or (env or 1, candidate).
-            outcome: None for the mean covariance over detections, or uniform draws (env[, candidate], target): a target
-                in the image is found where its draw is below ``detection``.
-        """
-        several = actions.ndim == 2
-        actions = actions if several else actions[:, None]
-        count, shape = len(belief.step), (len(belief.step), actions.shape[1])
-        draws = np.empty((1, 1, self.targets)) if outcome is None else outcome.reshape(count, -1, self.targets)
-        actions, draws = map(for_kernel, (actions, draws))
-        fresh = self._empty(shape)
-        kernels.predict(*belief, actions, draws, outcome is not None, *self._scene, *fresh, NN)
-        if not several:
-            x, P, p, S, pointing, settling = (array[:, 0] for array in fresh)
-            return Belief(belief.step + 1, x, P, p, S, pointing, settling, belief.q, belief.visible)
-        step, q, visible = (
-            np.broadcast_to(a[:, None], (*shape, *a.shape[1:])) for a in (belief.step + 1, belief.q, belief.visible)
-        )
-        return Belief(step, *fresh, q, visible)
+    def _ahead(self, belief: Belief, actions: Array, draws: Array | None) -> dict[str, Array]:
+        """A target in the image is found where its draw is below ``detection``."""
+        fresh = self._empty((len(belief.step), actions.shape[1]))
+        given = np.empty((1, 1, self.targets)) if draws is None else draws
+        kernels.predict(
+            *self._expected(belief)[:9], for_kernel(actions), given, draws is not None, *self._scene, *fresh, NN
+        )  # fmt: skip
+        return dict(zip(CHANGING, fresh, strict=True))
 
     def _turns(self, belief: Belief) -> tuple[Array, Array]:
         """``delay``, and the azimuth of each target one step ahead relative to the camera's pointing (rad)."""
@@ -400,10 +343,6 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
         )  # fmt: skip
         return delay, off
 
-    def cost(self, belief: Belief) -> Array:
-        """trace(W P) summed over the targets."""
-        return trace_cost(belief.covariance, self._weights)
-
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
         """The observation: that of the RF/EO system, time left, the camera, and the target of each look."""
@@ -411,6 +350,7 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
 
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
+        belief = self._expected(belief)
         delay, off = self._turns(belief)
         now, changes, _ = coming(belief.visible, belief.step, SOON)
         platforms = self.loop.observe(platform_belief(belief, self._earlier_noise, len(self.platforms)))
@@ -428,15 +368,36 @@ class CameraSlew(System, PlaysRecordings, TimedPulses):
         thirty steps). For the camera: ``pointing`` (rad) and ``settling`` (steps).
         """
         truth, belief = state
-        values = np.empty((3, *truth.unseen.shape))
-        measure(belief.mean, belief.covariance, truth.targets, values, NN)
         return {
-            "position_error": values[0],
-            "position_variance": values[1],
-            "nees": values[2],
+            **self._errors(state),
             "received": truth.received.copy(),
             "found": truth.seen.copy(),
             "lost": truth.unseen > LOST_AFTER,
             "pointing": belief.pointing.copy(),
             "settling": belief.settling.copy(),
         }
+
+
+def _range_or_rate(platform: Array, quantity: int) -> MeasurementModel:
+    """Range (0) or range-rate (1) at a platform (x, y, look direction)."""
+    only = slice(quantity, quantity + 1)
+    return MeasurementModel(
+        lambda x: platform_measurement(x, platform)[..., only], lambda x: platform_jacobian(x, platform)[..., only, :]
+    )
+
+
+def _direction(platform: Array) -> MeasurementModel:
+    """The unit vector from a platform to the target."""
+
+    def jacobian(states: Array) -> Array:
+        r, _, azimuth = np.moveaxis(platform_measurement(states, platform), -1, 0)
+        across = np.stack([np.cos(azimuth), -np.sin(azimuth)], axis=-1)
+        H = np.zeros((*states.shape[:-1], 2, 4))
+        H[..., ::2] = across[..., :, None] * across[..., None, :] / r[..., None, None]
+        return H
+
+    def measure(states: Array) -> Array:
+        azimuth = platform_measurement(states, platform)[..., 2]
+        return np.stack([np.sin(azimuth), np.cos(azimuth)], axis=-1)
+
+    return MeasurementModel(measure, jacobian)

@@ -11,10 +11,10 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.parameters import Count, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField
+from wavegym.systems.agile_clutter.state import Hypotheses
 from wavegym.systems.energy_budget.state import World
 from wavegym.systems.energy_budget.system import EnergyBudget
 from wavegym.systems.visibility_windows import alternating_windows, given_windows, window_draws
-from wavegym.trackers import GaussianMixture, Particles
 
 FAR = 40  # steps: the observation shows a later change of the occlusion at this distance
 CHANGES = 3  # changes of the occlusion that are observed
@@ -26,7 +26,7 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
-    hypotheses: Particles | GaussianMixture | None  # as in AgileClutter's belief
+    hypotheses: Hypotheses  # as in AgileClutter's belief
     energy: Array  # (env,) energy left; the longest pulse of one sensor costs 1
     visible: Array  # (env, H) bool: whether slot k, from step k to k + 1, is clear
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import ObservationField
-from wavegym.trackers import GaussianMixture, Particles
+from wavegym.systems.agile_clutter.state import Hypotheses
 
 
 class World(NamedTuple):
@@ -55,7 +55,7 @@ class Belief(NamedTuple):
     step: Array  # (env,) int
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
-    hypotheses: Particles | GaussianMixture | None  # as in AgileClutter's belief
+    hypotheses: Hypotheses  # as in AgileClutter's belief
     energy: Array  # (env,) energy left; the longest pulse of one sensor costs 1
     occluded: Array  # (env,) probability that the last slot was occluded; 0 or 1 unless predicted
 

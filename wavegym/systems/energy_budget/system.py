@@ -105,7 +105,6 @@ class EnergyBudget(AgileClutter):
     mean_occluded: float = parameter(6.0, "mean number of steps of an occluded spell", truth=True, ge=1, le=1e6)
     library: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "silence or a duration for every sensor, in one index", unit="")
-    tracker: Any = changed_default(AgileClutter, "tracker", "mixture")
 
     def __post_init__(self) -> None:
         """Check several fields together."""

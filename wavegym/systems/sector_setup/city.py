@@ -16,9 +16,10 @@ from wavegym.core.system import ObservationField
 from wavegym.sensors.multipath import Antenna, sight_table
 from wavegym.sensors.multipath_kernels import SightTable
 from wavegym.sensors.urban_map import UrbanMap
-from wavegym.systems.sector_setup import kernels, prediction_kernels
+from wavegym.systems.look_system import NN
+from wavegym.systems.sector_setup import prediction_kernels
 from wavegym.systems.sector_setup.state import Belief, World, sector_fields
-from wavegym.systems.sector_setup.system import NN, Point, SectorSetup
+from wavegym.systems.sector_setup.system import Point, SectorSetup
 from wavegym.systems.sector_setup.visibility_kernels import BLUR
 
 PLACES = 48  # of a target, at which it may be hidden
@@ -37,7 +38,8 @@ class SectorSetupCity(SectorSetup):
 
         Tracker and schedulers know the map and the estimates. At each step they predict the probability that a target
         is visible. The tracker learns from every look: a detection shows that the target was visible, and a miss that
-        it was probably hidden. With ``windows`` the times are given and known in advance, and buildings hide nothing.
+        it was probably hidden. Another tracker (``tracker``) is not told that a look found nothing, because a scan
+        holds detections only. With ``windows`` the times are given and known in advance, and buildings hide nothing.
 
     Rewards
         As wavegym/SectorSetup-v0.
@@ -153,9 +155,7 @@ class SectorSetupCity(SectorSetup):
         states = np.empty((len(true_states), self.horizon, *true_states.shape[1:]))
         here, q, step = true_states, self._densities(world), np.zeros(len(true_states), np.int64)
         for k in range(self.horizon):
-            after = np.empty(here.shape)
-            kernels.move(step + k, here, q, world.process, self.motion.noise_factor, self._radar, after, NN)
-            states[:, k] = here = after
+            states[:, k] = here = self._moved(here, q, step + k, world)
         return states[..., ::2]
 
     def _known(self, world: World, true_states: Array, visible: Array) -> Array:
@@ -171,7 +171,7 @@ class SectorSetupCity(SectorSetup):
             InputError: fewer than one step.
         """
         out = np.empty((len(belief.step), check_int("steps", steps, 1), belief.mean.shape[1]))
-        prediction_kernels.foretell(*belief, self._radar, out, NN)
+        prediction_kernels.foretell(*self._expected(belief)[:8], self._radar, out, NN)
         return out
 
 

@@ -8,19 +8,19 @@ import numpy as np
 
 from wavegym.core import shortcuts
 from wavegym.core.arrays import Array
-from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.shortcuts import MeasuredFields
 from wavegym.core.system import State
+from wavegym.systems.look_system import NN
 from wavegym.systems.sector_setup import kernels
 from wavegym.systems.sector_setup import prediction_kernels as prediction
 from wavegym.systems.sector_setup.state import Belief, World, illuminator_fields, report_fields, report_values
-from wavegym.systems.sector_setup.system import NN, SectorSetup
+from wavegym.systems.sector_setup.system import SectorSetup
 
 
 @shortcuts.fused_transition.register(SectorSetup)
 def fused_transition(system: SectorSetup, state: State, action: Array, world: World) -> State:
     """One step: move, set up or look, track."""
-    if system.truth_model._recorded:
+    if system.truth_model._recorded or system._own_tracker:
         return system.composed_transition(state, action, world)
     truth, belief = state
     targets, report, fresh = np.empty(truth.targets.shape), system._report(belief), system._fresh(belief)
@@ -30,12 +30,6 @@ def fused_transition(system: SectorSetup, state: State, action: Array, world: Wo
     )  # fmt: skip
     measurements = system._measurements(*report)
     return State(system.note(truth._replace(targets=targets), measurements), system._following(belief, *fresh))
-
-
-@shortcuts.linear_cost.register(SectorSetup)
-def linear_cost(system: SectorSetup) -> LinearCost:
-    """All targets have the same motion model except for their process noise."""
-    return system.linear_cost
 
 
 @shortcuts.delay.register(SectorSetup)
@@ -59,7 +53,7 @@ def gain(system: SectorSetup, belief: Belief, wait: Array | int, ahead: int) -> 
     """
     out = np.empty((len(belief.step), len(system.actions)))
     later = np.atleast_2d(np.asarray(wait, np.int64))
-    step, mean, covariance, pointed, _, q, visible, looked = belief
+    step, mean, covariance, pointed, _, q, visible, looked, *_ = system._expected(belief)
     target, waveform = system._target_and_waveform
     M, rows = system.linear_cost.weights_ahead(ahead), (0,) * (2 * len(system.receivers))
     prediction.gain(

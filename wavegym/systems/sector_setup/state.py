@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import ObservationField
-
-SOON = 10  # steps of visibility in the observation
+from wavegym.systems.visibility_windows import SOON, window_fields
 
 
 class World(NamedTuple):
@@ -54,6 +53,8 @@ class Belief(NamedTuple):
     q: Array  # (env, target) process noise density as the tracker assumes it, m^2/s^3
     visible: Array  # (env, H, target) bool: visible from step k to k + 1, known in advance; all True if predicted
     looked: Array  # (env,) int: 1 if the last step's pulse found its target, -1 if it found nothing, 0 without a pulse
+    memory: Any = None  # of another tracker that has one; None otherwise, and in prediction
+    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as such a tracker believes it
 
 
 def report_fields(receivers: int, reference_range: float, speed: float) -> tuple[ObservationField, ...]:
@@ -104,28 +105,24 @@ def sector_fields(
         dead_steps: of a set-up.
         foretold: whether the fields give the probability of visibility, in place of known times.
     """
-    is_visible, passes, share = (
-        ("probability that target {} is visible", "probability passes 1/2", "mean probability, over the next {} steps,")
-        if foretold
-        else ("whether target {} is visible", "visibility changes", "fraction of the next {} steps in which")
-    )
     listed = [
         ObservationField("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come"),
         ObservationField("dead_steps", "step", 0.5 * dead_steps, max(0.5 * dead_steps, 1.0), "remaining set-up steps"),
     ]
     for t in range(1, targets + 1):
-        of = f"of target {t}, one step ahead"
+        of, windows = f"of target {t}, one step ahead", window_fields(t)
+        if foretold:
+            meanings = (
+                f"probability that target {t} is visible in the next step",
+                f"steps until its probability passes 1/2, at most {SOON}",
+                f"mean probability, over the next {SOON} steps, that it is visible",
+            )
+            windows = tuple(field._replace(meaning=m) for field, m in zip(windows, meanings, strict=True))
         listed += [
             ObservationField(
                 f"set_up_{t}", "1", 0.5, 0.5, f"whether the illuminator is set up, or being set up, for target {t}"
             ),
-            ObservationField(f"visible_{t}", "1", 0.5, 0.5, f"{is_visible.format(t)} in the next step"),
-            ObservationField(
-                f"changes_{t}", "step", 0.5 * SOON, 0.5 * SOON, f"steps until its {passes}, at most {SOON}"
-            ),
-            ObservationField(
-                f"soon_visible_{t}", "1", 0.5, 0.3, f"{share.format(SOON)} {'that ' if foretold else ''}it is visible"
-            ),
+            *windows,
             ObservationField(f"log10_q_{t}", "log10(m^2/s^3)", 0.0, 0.5, f"process noise density of target {t}"),
             ObservationField(f"log10_sigma_position_{t}", "log10(m)", 1.5, 0.5, f"RMS position uncertainty {of}"),
             ObservationField(f"log10_sigma_velocity_{t}", "log10(m/s)", 0.7, 0.4, f"RMS velocity uncertainty {of}"),

@@ -4,50 +4,39 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from pathlib import Path
 from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from wavegym.core.action_sets import Library
-from wavegym.core.arrays import Array, for_kernel
-from wavegym.core.covariances import trace_cost
-from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
-from wavegym.core.horizon_weights import LinearCost
+from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError, check_ordered, check_within
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
-from wavegym.core.system import ObservationField, State, System
+from wavegym.core.system import ObservationField, State
 from wavegym.sensors.multipath_kernels import SightTable
-from wavegym.systems.recorded_targets import (
-    PlaysRecordings,
-    drawn_windows,
-    farthest_range_parameter,
-    radar_parameter,
-    smoothing_parameter,
-    tracks_parameter,
-)
-from wavegym.systems.rf_eo.kernels import measure
+from wavegym.sensors.multistatic import multistatic_range_and_rate, range_and_rate, range_and_rate_jacobian
+from wavegym.systems.look_system import NN, LookSystem
 from wavegym.systems.sector_setup import kernels
 from wavegym.systems.sector_setup import prediction_kernels as prediction
 from wavegym.systems.sector_setup.state import (
-    SOON,
     Belief,
     Measurements,
     Truth,
     World,
     sector_fields,
 )
-from wavegym.systems.visibility_windows import Window, given_windows, visibility, window_draws
+from wavegym.systems.visibility_windows import SOON, Window, visibility, window_draws
 from wavegym.targets import MotionModel, constant_turn
+from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan
 
-FASTEST = 1e6  # rad/s: greatest turn rate
-NN = (0, 0, 0, 0)  # its length tells kernels the size of the state [x xdot y ydot]
+PLANE = [0, 2, 1, 3]  # [x xdot y ydot] as [x y xdot ydot], and back
 Coordinate = Annotated[float, Field(ge=-1e7, le=1e7, allow_inf_nan=False)]  # m
 Point = tuple[Coordinate, Coordinate]
 
 
 @system_parameters
-class SectorSetup(System, PlaysRecordings):
+class SectorSetup(LookSystem):
     """One illuminator serves several targets; changing the target costs steps without sensing.
 
     Description
@@ -65,6 +54,7 @@ class SectorSetup(System, PlaysRecordings):
         Targets drive behind buildings on a map, so they are hidden at times known in advance. Targets are far apart, so
         the association is known and there are no false returns. An extended Kalman filter uses the detections. Where
         the measurements are curved over the spread of the prediction, posterior linearisation iterates the update.
+        Another tracker (``tracker``) gets one scan of each receiver.
 
     Rewards
         -trace(Lambda P) summed over the targets, Lambda = diag(weights): m^2, with 1 s^2 on the velocities.
@@ -82,9 +72,6 @@ class SectorSetup(System, PlaysRecordings):
         principles and implementation using sigma points", 2015 (the iteration). This suite adds the set-up time.
     """
 
-    horizon: int = parameter(60, "steps in an episode", ge=1, le=100_000)
-    dt: float = parameter(1.0, "time step", unit="s", gt=0)
-    targets: int = parameter(4, "number of targets", ge=1, le=64)
     dead_steps: int = parameter(3, "steps without sensing that a set-up takes", ge=0, le=100_000)
     illuminator: Point = parameter((0.0, 0.0), "position (x, y) of the illuminator", unit="m")
     receivers: tuple[Point, ...] = parameter(
@@ -94,18 +81,6 @@ class SectorSetup(System, PlaysRecordings):
         ((-2e3, 2e3), (2.5e3, 5e3)), "bounds of the first x, and of the first y", unit="m", truth=True
     )
     speed: tuple[NonNegative, float] = parameter((5.0, 20.0), "bounds of the first speed", unit="m/s", truth=True)
-    q: tuple[Positive, float] = parameter(
-        (0.1, 5.0),
-        "bounds of the process noise density, drawn log-uniformly for each target",
-        unit="m^2/s^3",
-        truth=True,
-    )
-    turn_rate: float = parameter(
-        0.0, "turn rate of the targets' velocities, to the left", unit="rad/s", truth=True, ge=-FASTEST, le=FASTEST
-    )
-    prior_variance: tuple[Positive, Positive, Positive, Positive] = parameter(
-        (2500.0, 25.0, 2500.0, 25.0), "diagonal of P0", unit="m^2, m^2/s^2", truth=True
-    )
     waveforms: tuple[tuple[Positive, Positive], ...] = parameter(
         ((12.0, 20.0), (60.0, 1.0)),
         "standard deviations of range and range-rate of each waveform at the reference SNR",
@@ -117,41 +92,26 @@ class SectorSetup(System, PlaysRecordings):
     reference_range: float = parameter(5.65e3, "Rt = Rr at which eta is reference_snr", unit="m", truth=True, gt=0)
     nearest_range: float = parameter(500.0, "the SNR uses at least this Rt and Rr", unit="m", truth=True, gt=0)
     false_alarm: float = parameter(1e-3, "false alarm probability Pf", truth=True, gt=0, lt=1)
-    shown: tuple[int, int] = parameter((6, 14), "minimum and maximum number of steps in which a target stays visible")
-    hidden: tuple[int, int] = parameter((4, 10), "minimum and maximum number of steps in which it stays hidden")
     windows: tuple[Window, ...] = parameter(
         (),
         "(target, first step, last step) in which a target is hidden; () draws the windows",
         unit="",
         truth=True,
     )
-    weights: tuple[NonNegative, NonNegative, NonNegative, NonNegative] = parameter(
-        (1.0, 1.0, 1.0, 1.0), "diagonal of Lambda", unit="1, s^2"
-    )
     iterations: int = parameter(
         10, "maximum iterations of an update; 1: the extended Kalman filter", ge=1, le=1_000_000
     )
-    tracks: Path | None = tracks_parameter("that replaces the drawn targets")
-    radar: tuple[float, ...] | None = radar_parameter()
-    farthest_range: float = farthest_range_parameter(10e3)
-    smoothing: float | None = smoothing_parameter()
     lost_beyond: ClassVar[float] = 300.0  # m: half the width of a sector of 0.15 rad in the middle of region
-
-    nees_dimension = 4  # position and velocity
 
     def __post_init__(self) -> None:
         """Check several fields together."""
+        super().__post_init__()
         check_within("nearest_range", self.nearest_range, 0, self.reference_range, "m")
         for axis, bounds in zip("xy", self.region, strict=True):
             check_ordered(f"{axis} of region", *bounds)
         check_ordered("speed", *self.speed)
-        check_ordered("q", *self.q)
-        check_positive("sum of weights", sum(self.weights))
         if len(set(self.waveforms)) < len(self.waveforms):
             raise InputError(f"waveforms is {self.waveforms}, expected different waveforms")
-        window_draws(self.horizon, self.shown, self.hidden)
-        given_windows(self.windows, self.targets, self.horizon)
-        self._recorded  # noqa: B018  (an invalid recording is reported here)
 
     @cached_property
     def motion(self) -> MotionModel:
@@ -184,15 +144,6 @@ class SectorSetup(System, PlaysRecordings):
         """Sight table, places and few places of the kernels; an empty table where the times are known."""
         return SightTable(0.0, 0.0, 1.0, np.empty((0, 1), np.bool_)), np.empty((0, 2)), np.empty((0, 2))
 
-    @cached_property
-    def linear_cost(self) -> LinearCost:
-        """The cost as a function of the covariance, and the targets' transition."""
-        return LinearCost(self.motion.F, self.weights)
-
-    @cached_property
-    def _weights(self) -> Array:
-        return np.array(self.weights)
-
     def draw_world(self, rng: np.random.Generator) -> World:
         """All draws of one episode."""
         T, H, receivers = self.targets, self.horizon, len(self.receivers)
@@ -206,26 +157,15 @@ class SectorSetup(System, PlaysRecordings):
             rng.standard_normal((H, receivers, T, 2)),
         )
 
-    def initial(self, world: World) -> State:
-        """Starts of the targets, first estimates around them, and windows of visibility."""
-        (count, T), real = world.density.shape, self.truth_model
-        recorded, window = real._recorded, None
-        if recorded:
-            window = drawn_windows(recorded, world.process[:, 0, :, 0])
-            true_states = recorded.states(window, np.zeros(count, np.int64))
-        else:
-            true_states = real._starts(world)
-        mean = true_states + np.sqrt(real.prior_variance) * world.start
-        covariance = np.tile(np.diag(self.prior_variance), (count, T, 1, 1))
-        zero, silent = np.zeros(count, np.int64), np.zeros(count, np.bool_)
-        visible, q = real._visible(world, true_states), real._densities(world)
-        known, known_q = self._known(world, true_states, visible), q if real is self else self._densities(world)
-        belief = Belief(zero, mean, covariance, np.full(count, -1), zero.copy(), known_q, known, zero.copy())
-        return State(Truth(true_states, q, visible, zero.copy(), silent, window), belief)
+    def _first_truth(self, world: World, targets: Array, q: Array, window: Array | None) -> Truth:
+        """No pulse was sent yet."""
+        none = np.zeros(len(q), np.int64)
+        return Truth(targets, q, self.truth_model._visible(world, targets), none, none.astype(np.bool_), window)
 
-    def _densities(self, world: World) -> Array:
-        """Process noise densities, (env, target)."""
-        return self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
+    def _first_belief(self, world: World, truth: Truth, estimate: Estimate, q: Array) -> Belief:
+        """The illuminator is set up for no target."""
+        zero, known = np.zeros(len(q), np.int64), self._known(world, truth.targets, truth.visible)
+        return Belief(zero, *estimate[:2], np.full(len(q), -1), zero.copy(), q, known, zero.copy())
 
     def _starts(self, world: World) -> Array:
         """First states of the targets, (env, target, 4): uniform in the region, any heading."""
@@ -245,19 +185,10 @@ class SectorSetup(System, PlaysRecordings):
         """Target and waveform of each action."""
         return np.divmod(np.asarray(actions, np.int64), len(self.waveforms))
 
-    @property
-    def _recorded_shape(self) -> tuple[int, int]:
-        """Targets, and steps."""
-        return self.targets, self.horizon
-
-    def move(self, truth: Truth, step: Array, world: World) -> Truth:
-        """The targets one step on, with white acceleration of their own density."""
-        recorded = self.truth_model._recorded
-        if recorded and truth.window is not None:
-            return truth._replace(targets=recorded.states(truth.window, step + 1))
-        targets, (states, q, *_) = np.empty(truth.targets.shape), truth
-        kernels.move(step, states, q, world.process, self.motion.noise_factor, self.truth_model._radar, targets, NN)
-        return truth._replace(targets=targets)
+    def _moved(self, targets: Array, q: Array, step: Array, world: World) -> Array:
+        after = np.empty(targets.shape)
+        kernels.move(step, targets, q, world.process, self.motion.noise_factor, self.truth_model._radar, after, NN)
+        return after
 
     def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
         """What each receiver measures of the illuminated target, with SNR, Pd and errors at its true position."""
@@ -268,14 +199,27 @@ class SectorSetup(System, PlaysRecordings):
         )  # fmt: skip
         return self._measurements(*report)
 
-    def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
-        """Set-up or look; one step of the tracker with the predicted SNR."""
+    def _filtered(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
+        """Set-up or look; one step of the extended Kalman filter with the predicted SNR."""
         z, detected, _ = measurements
         fresh = self._fresh(belief)
         kernels.track(
             *belief[1:6], belief.looked, *self._split(action), z.reshape(len(z), -1), detected, self._radar, *fresh, NN
         )  # fmt: skip
         return self._following(belief, *fresh)
+
+    def _scans(self, belief: Belief, after: Belief, action: Array, measurements: Measurements) -> list[Scan]:
+        """One scan of each receiver, of the illuminated target, with the predicted SNR."""
+        (target, waveform), radar = self._split(action), self._radar
+        ahead = (belief.mean[np.arange(len(target)), target, None] * self.motion.F).sum(axis=-1)
+        legs = range_and_rate(ahead[:, None, PLANE], radar.sites)[..., 0]
+        squared = np.square(np.maximum(legs, radar.nearest))
+        variance = radar.accuracy[waveform, None] * (squared[:, :1] * squared[:, 1:] / radar.strength)[..., None]
+        R, (z, detected, _) = variance[..., None] * np.eye(2), measurements
+        return [
+            Scan(z[:, j, None], detected[:, j, None], target[:, None], R[:, j, None], _bistatic(radar.sites[0], site))
+            for j, site in enumerate(radar.sites[1:])
+        ]
 
     def note(self, truth: Truth, measurements: Measurements) -> Truth:
         """The truth with the number of detections, and whether no pulse was sent."""
@@ -299,36 +243,21 @@ class SectorSetup(System, PlaysRecordings):
         changed = dict(zip(("pointed", "dead", "looked"), settings, strict=True))
         return belief._replace(step=belief.step + 1, mean=mean, covariance=covariance, **changed)
 
-    def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
-        """The belief one step ahead: predicted means, and covariances after a look with the predicted SNR.
-
-        Without ``outcome``: the mean over all combinations of receivers that detect. With ``outcome``, uniform draws
-        (env, receiver) or (env, candidate, receiver): a receiver detects where its draw is below the predicted Pd.
-        """
-        several = np.ndim(actions) == 2
-        chosen = actions if several else np.asarray(actions)[:, None]
-        lead = (len(belief.step), chosen.shape[1])
-        draws = np.empty((lead[0], 1, 0)) if outcome is None else for_kernel(outcome, np.float64)
-        x, P = (np.empty((*lead, *a.shape[1:])) for a in (belief.mean, belief.covariance))
-        pointed, dead, looked = np.empty((3, *lead), np.int64)
+    def _ahead(self, belief: Belief, actions: Array, draws: Array | None) -> dict[str, Array]:
+        """With the predicted SNR; a receiver detects where its draw is below the predicted Pd."""
+        shape = len(belief.step), actions.shape[1]
+        x, P = (np.empty((*shape, *a.shape[1:])) for a in (belief.mean, belief.covariance))
+        pointed, dead, looked = np.empty((3, *shape), np.int64)
         prediction.predict(
-            *belief, *self._split(chosen), draws if draws.ndim == 3 else draws[:, None], self._radar,
-            x, P, pointed, dead, looked, NN
+            *self._expected(belief)[:8], *self._split(actions), np.empty((shape[0], 1, 0)) if draws is None else draws,
+            self._radar, x, P, pointed, dead, looked, NN
         )  # fmt: skip
-        step = belief.step + 1
-        if not several:
-            return Belief(step, x[:, 0], P[:, 0], pointed[:, 0], dead[:, 0], belief.q, belief.visible, looked[:, 0])
-        step, q, visible = (np.repeat(a[:, None], lead[1], axis=1) for a in (step, belief.q, belief.visible))
-        return Belief(step, x, P, pointed, dead, q, visible, looked)
+        return {"mean": x, "covariance": P, "pointed": pointed, "dead": dead, "looked": looked}
 
     @cached_property
     def _target_and_waveform(self) -> tuple[Array, Array]:
         """Target and waveform of each candidate."""
         return self._split(self.candidates())
-
-    def cost(self, belief: Belief) -> Array:
-        """trace(Lambda P) summed over the targets."""
-        return trace_cost(belief.covariance, self._weights)
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
@@ -338,7 +267,7 @@ class SectorSetup(System, PlaysRecordings):
     def observe(self, belief: Belief) -> Array:
         """See ``observation_fields``."""
         out = np.empty((len(belief.step), len(self.observation_fields)))
-        prediction.observe(*belief, self._radar, SOON, out, NN)
+        prediction.observe(*self._expected(belief)[:8], self._radar, SOON, out, NN)
         logs = np.log10(out, out=out, where=self._logarithms > 0.0)
         return np.multiply(logs, self._logarithms, out=out, where=self._logarithms > 0.0)
 
@@ -355,14 +284,16 @@ class SectorSetup(System, PlaysRecordings):
         (the error exceeds half the width of the illuminated sector). For the step: ``detections`` and ``dead`` (no
         pulse was sent).
         """
-        truth, belief = state
-        values = np.empty((3, *belief.mean.shape[:2]))
-        measure(belief.mean, belief.covariance, truth.targets, values, NN)
-        return {
-            "position_error": values[0],
-            "position_variance": values[1],
-            "nees": values[2],
-            "lost": values[0] > self.lost_beyond,
-            "detections": truth.detections.copy(),
-            "dead": truth.silent.copy(),
-        }
+        errors = self._errors(state)
+        lost = errors["position_error"] > self.lost_beyond
+        return {**errors, "lost": lost, "detections": state.truth.detections.copy(), "dead": state.truth.silent.copy()}
+
+
+def _bistatic(transmitter: Array, receiver: Array) -> MeasurementModel:
+    """Half the path from transmitter by target to receiver, and its rate."""
+
+    def jacobian(states: Array) -> Array:
+        there, back = (range_and_rate_jacobian(states[..., PLANE], site) for site in (transmitter, receiver))
+        return 0.5 * (there + back)[..., PLANE]
+
+    return MeasurementModel(lambda x: multistatic_range_and_rate(x[..., PLANE], transmitter, receiver), jacobian)
