@@ -1,4 +1,4 @@
-"""The parameters of the RF/EO loop, their checks, and what follows: motion, settings, places, presence, cost."""
+"""The parameters of the RF/EO loop, their checks, and what follows: motion, settings, places, presence."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, NonNegativeInt, WrapValidator
 
 from wavegym.core.arrays import Array
-from wavegym.core.covariances import MOST_RATIO, check_covariance, trace_cost
+from wavegym.core.covariances import MOST_RATIO, check_covariance
 from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
 from wavegym.core.parameters import NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import System
@@ -77,7 +77,7 @@ def weighting_matrix(weights: Weights) -> Array:
 
 @system_parameters
 class PlatformScenario(System, PlaysRecordings):
-    """Parameters of ``RfEo``, their checks, and what follows: motion, settings, places, presence, cost."""
+    """Parameters of ``RfEo``, their checks, and what follows: motion, settings, places, presence."""
 
     horizon: int = parameter(1000, "steps in an episode", ge=1, le=LONGEST)
     dt: float = parameter(1.0, "time step", unit="s", gt=0, le=1e6)
@@ -336,13 +336,6 @@ class PlatformScenario(System, PlaysRecordings):
         if self.folding and self.duty > 0.0:
             return "A pulse lasts the share `duty` of the interval."
         return "A pulse lasts 1/B of the greatest bandwidth, the shortest that has it."
-
-    def cost(self, belief: Belief) -> Array:
-        """trace(W P) summed over the targets in the scene."""
-        if not self._come_and_go:
-            return trace_cost(belief.covariance, self._weights)
-        here = self.present(belief.step)[..., None, None]
-        return trace_cost(np.where(here, belief.covariance, 0.0), self._weights)
 
 
 def ranges_of_moving_targets(system: Any, world: Any, platforms: ArrayLike) -> Array:

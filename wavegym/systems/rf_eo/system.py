@@ -12,6 +12,7 @@ import numpy as np
 from wavegym.core import trees
 from wavegym.core.action_sets import JointLibrary, ParameterBox, PerSensorLibrary
 from wavegym.core.arrays import Array, for_kernel
+from wavegym.core.covariances import trace_cost
 from wavegym.core.parameters import changed_default, system_parameters
 from wavegym.core.policy import makers_by_form
 from wavegym.core.system import ObservationField, State
@@ -310,6 +311,13 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         """Whether actions have the axis ``candidate``, and their settings (env, candidate, platform, 4)."""
         several = actions.ndim == (2 if self.action == "joint" else 3)
         return several, self.aimed_settings(belief, actions if several else actions[:, None])
+
+    def cost(self, belief: Belief) -> Array:
+        """trace(W P) summed over the targets in the scene."""
+        if not self._come_and_go:
+            return trace_cost(belief.covariance, self._weights)
+        here = self.present(belief.step)[..., None, None]
+        return trace_cost(np.where(here, belief.covariance, 0.0), self._weights)
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
