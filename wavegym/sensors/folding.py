@@ -80,7 +80,7 @@ class Agreements(NamedTuple):
     detection: NDArray[np.int64]  # (combination, prf) index of the detection; -1: none of this PRF agrees
     fold: NDArray[np.int64]  # (combination, prf); 0 where there is no detection
     chi_square: FloatArray  # (combination,) weighted squares of the differences to the mean
-    probability: FloatArray  # (combination,) among those with as many PRFs, for a uniform prior
+    probability: FloatArray  # (combination,) among those with the same number of PRFs, for a uniform prior
 
 
 def fold_range(range_m: ArrayLike, unambiguous_range: ArrayLike) -> Folded:
