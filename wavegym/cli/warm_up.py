@@ -74,7 +74,7 @@ def _step(env_id: str) -> None:
 
     single: Any = gym.make(env_id, disable_env_checker=True)
     envs: Any = gym.make_vec(env_id, num_envs=2)
-    is_tuned = SIMPLE in recorded(single.unwrapped.system)  # else it would be tuned now, which may take hours
+    is_tuned = SIMPLE in recorded(single.unwrapped.system)  # otherwise it would be tuned now, which may take hours
     names = (*POLICIES, SIMPLE, PLANNER) if is_tuned else POLICIES
     for each in (single, envs):
         each.reset(seed=0)

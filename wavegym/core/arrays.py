@@ -80,7 +80,7 @@ def check_broadcast(**arrays: ArrayLike) -> tuple[FloatArray, ...]:
     except ValueError:
         shapes = ", ".join(f"{name} {np.shape(array)}" for name, array in arrays.items())
         raise InputError(f"shapes are {shapes}, expected shapes that broadcast") from None
-    # Not np.broadcast_arrays: NumPy 2.4 warns where somebody asks whether its results are writeable.
+    # Not np.broadcast_arrays: NumPy 2.4 warns if code asks whether its results are writeable.
     return tuple(array if array.shape == shape else np.broadcast_to(array, shape) for array in given)
 
 

@@ -33,7 +33,7 @@ class Transition(NamedTuple):
     action: Array  # (env, ...)
     following: State
     cost: Array  # (env,) of the following state
-    memory: Any  # what ``begin`` returned for these worlds
+    memory: Any  # the result of ``begin`` for these worlds
 
 
 class Reward(Protocol):

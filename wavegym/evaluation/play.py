@@ -71,7 +71,7 @@ class Played(NamedTuple):
     span: Array  # (world,) the divisor of means: steps, or seconds if steps differ in length
     rmse: Array  # (world,) root mean square position error over steps and the targets present, m
     target_rmse: Array  # (world, target) the same of each target, over the steps at which it was present
-    believed_rmse: Array  # (world,) what the tracker believes rmse to be, from ``position_variance``, m
+    believed_rmse: Array  # (world,) rmse by belief, from ``position_variance``, m
     gospa: Array  # (world,) root mean square GOSPA distance over steps, m
     nees_sum: Array  # (world, H) NEES summed over the targets present; 0 past an episode's end
     nees_count: Array  # (world, H) int, targets in that sum

@@ -51,7 +51,7 @@ PARAMETERS = (
 )  # the form of the actions; a submission may not change the world or the tracker
 DIGITS = 6  # of a cost
 CLOSED = ConfigDict(extra="forbid")
-FREE_ENERGY = 2.0  # longest pulses of one radar in a step: what two radars can spend
+FREE_ENERGY = 2.0  # longest pulses of one radar in a step: the most that two radars can spend
 
 Record = Mapping[str, Any]  # of ``play_submission``
 

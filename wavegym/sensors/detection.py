@@ -8,7 +8,7 @@ SNR is eta = 2E/N0. The laws of fluctuation have the names of Swerling (1954; IR
 
 =========  =====================================================================================
 swerling0  the echo is steady
-swerling1  one amplitude for all pulses of a look, Rayleigh: many scatterers of like size
+swerling1  one amplitude for all pulses of a look, Rayleigh: many scatterers of similar size
 swerling2  as swerling1, with an amplitude of its own for every pulse
 swerling3  one amplitude for all pulses, chi with four degrees of freedom: one large scatterer
 swerling4  as swerling3, with an amplitude of its own for every pulse

@@ -120,7 +120,7 @@ class EclipsedPulse:
         return self._one.visible_share(0, range_m)
 
     def snr_factor(self, range_m: ArrayLike, replica: str = "visible") -> FloatArray:
-        """What eclipsing leaves of the SNR, (...): see ``EclipsedLibrary.snr_factor``."""
+        """The factor of the SNR due to eclipsing, (...): see ``EclipsedLibrary.snr_factor``."""
         return self._one.snr_factor(0, range_m, replica)
 
     def fisher_factors(self, range_m: ArrayLike) -> FisherFactors:

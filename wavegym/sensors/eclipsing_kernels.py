@@ -114,8 +114,8 @@ def reduced(tables, k, m):
 def gated(tables, k, delay, first, last, recovery, interval):
     """``reduced`` of an echo that arrives ``delay`` after its pulse, all times in units of T.
 
-    first, last: transmitted interval, in the pulse's own time. The receiver is open from last + recovery until interval
-    + first, in every interval; with interval = inf, until the end.
+    first, last: transmitted interval, in the pulse's own time. The receiver is open from last + recovery until
+    interval + first, in every interval; with interval = inf, until the end.
     """
     centre = tables.constants[k, 0]
     opens, closes = last + recovery - delay - centre, first - delay - centre  # of pulse 0, in x

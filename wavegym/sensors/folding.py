@@ -1,9 +1,9 @@
 """Folding: a pulse train measures range and range-rate up to whole unambiguous intervals.
 
-A fold hypothesis is a number of whole intervals. It has a likelihood, given a Gaussian prediction; several PRFs have
-one together. If they do not resolve it, the measurement is ambiguous: the result has the probabilities of its folds,
-and is no error. Sources: Skolnik, Introduction to Radar Systems, 3rd ed. 2001, chapter 3; Richards, Fundamentals of
-Radar Signal Processing, 2nd ed. 2014, chapter 5; the wrapped likelihood is the sum over the folds.
+A fold hypothesis is a number of whole intervals. It has a likelihood, given a Gaussian prediction; several PRFs have a
+joint likelihood. If they do not resolve the fold, the measurement is ambiguous. This is not an error: the result has
+the probabilities of the folds. Sources: Skolnik, Introduction to Radar Systems, 3rd ed. 2001, chapter 3; Richards,
+Fundamentals of Radar Signal Processing, 2nd ed. 2014, chapter 5; the wrapped likelihood is the sum over the folds.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Agreements(NamedTuple):
     detection: NDArray[np.int64]  # (combination, prf) index of the detection; -1: none of this PRF agrees
     fold: NDArray[np.int64]  # (combination, prf); 0 where there is no detection
     chi_square: FloatArray  # (combination,) weighted squares of the differences to the mean
-    probability: FloatArray  # (combination,) among those with as many PRFs, for a uniform prior
+    probability: FloatArray  # (combination,) among those with the same number of PRFs, for a uniform prior
 
 
 def fold_range(range_m: ArrayLike, unambiguous_range: ArrayLike) -> Folded:

@@ -3,8 +3,8 @@
 Echoes of targets arrive over up to two walls; static echoes come from walls and small scatterers.
 
 Multilateration gives position and velocity of a new track from one scan of two receivers. Barbosa et al., section
-4.2.1, take differences of two scans. Range and range-rate at one receiver hold no direction, so two receivers are
-needed. Two positions remain; the caller chooses by the road map.
+4.2.1, take differences of two scans. Range and range-rate at one receiver give no direction, so two receivers are
+needed. Two positions remain; the caller chooses one with the road map.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""An RF/EO platform: what it measures, and its resolution and field of view by pulses and pixels.
+"""An RF/EO platform: its measurements, and its resolution and field of view by pulses and pixels.
 
 The field of view is a penalty on the measurement variance, in smooth and in sharp forms.
 """

@@ -13,7 +13,7 @@ LOGISTIC, HARD, DEADZONE, LOG_BARRIER, HUBER = 0, 1, 2, 3, 4
 NEGLIGIBLE = 90.0  # e^-90 is 1e-39: below the rounding of any variance at any height
 CELL = 1.0 / 12.0  # variance of a uniform error in a cell of width 1
 HALF_C = 0.5 * SPEED_OF_LIGHT
-FULL_CIRCLE = np.pi * (1.0 - 1e-9)  # an image with half this angle covers the full circle, up to rounding
+FULL_CIRCLE = np.pi * (1.0 - 1e-9)  # an image with at least this half angle covers the full circle, up to rounding
 
 
 @inlined

@@ -89,8 +89,8 @@ def _interpolate(table, phase, part, start, x, out):
 def add_noise(key, mean_key, mean_scale, rank, factors, second, outputs):
     """Add the noise of a train to outputs (pulse, element, 2, delay), minus the noise of a mean over many trains.
 
-    Normals times factors are the real and imaginary parts of a and b, each with half as many cells. The noise is a + i
-    b in the first cells and a - i b, reversed, in the last. factors, ``rank`` and ``second``: see
+    Normals times factors are the real and imaginary parts of a and b, each with half as many cells. The noise is
+    a + i b in the first cells and a - i b, reversed, in the last. factors, ``rank`` and ``second``: see
     ``receiver.NoiseLaw``. The mean is drawn from ``mean_key`` and is the same at all pulses; ``mean_scale`` is the
     ratio of its standard deviation to that of a pulse. Blocks of pulses stay in the cache.
     """

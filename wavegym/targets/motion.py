@@ -1,6 +1,6 @@
 """Linear motion models driven by white noise, random paths drawn from them, and models of manoeuvres in the plane.
 
-The models of manoeuvres but ``constant_turn`` share the state x = (x, y, xdot, ydot, xddot, yddot): an interacting
+All models of manoeuvres except ``constant_turn`` share the state x = (x, y, xdot, ydot, xddot, yddot): an interacting
 multiple model filter can mix them. Reference: Barbosa et al., *Controlled tracking in urban terrain*, section 3.3,
 after Li and Jilkov's survey (2003). The paper orders the state [x xdot y ydot xddot yddot]. Its printed noise has
 twelve rows; G diag(s², s²) G' is meant.

@@ -4,7 +4,7 @@ Filters of one target's reports: recorders repeat positions, set late time stamp
 
 WGS-84: geodetic coordinates to earth-centred coordinates and a local tangent plane (east, north, up). The tangent plane
 is an exact rotation and shift of earth-centred coordinates: distances in it are true slant ranges. Because of the
-earth's curvature a target far from the origin has a low or negative "up", as a radar at the origin sees.
+earth's curvature a target far from the origin has a low or negative "up", as seen by a radar at the origin.
 """
 
 from __future__ import annotations

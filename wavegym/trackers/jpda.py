@@ -1,4 +1,4 @@
-"""Joint probabilistic data association (JPDA): the update by a scan, and how much a scan is expected to tell.
+"""Joint probabilistic data association (JPDA): the update by a scan, and the expected information of a scan.
 
 The update: Bar-Shalom & Fortmann, *Tracking and Data Association* (1988), chapter 9.
 

@@ -1,10 +1,10 @@
 """Compiled Kalman prediction and update; ``kalman.py`` has the public functions.
 
 The sizes n and m are given as tuples ``nn`` and ``mm`` of n and m zeros. The length of a tuple is part of its type, so
-the compiler unrolls the small loops: five times faster than sizes read from the arrays. The ``*_one`` functions work on
-entry ``e`` of a batch, because indexing a whole array is three times faster in compiled code than taking a view. The
-fused kernels of the systems call them too. A matrix that is not positive definite gives NaN, never an exception: a
-kernel must not stop in the middle of a batch.
+the compiler unrolls the small loops: five times faster than sizes read from the arrays.
+The ``*_one`` functions work on entry ``e`` of a batch, because indexing a whole array is three times faster in compiled
+code than taking a view. The fused kernels of the systems call them too.
+A matrix that is not positive definite gives NaN, never an exception: a kernel must not stop in the middle of a batch.
 
 If measurement errors are independent, updates with one scalar at a time are exact. With a diagonal R,
 [P^-1 + H' R^-1 H]^-1 is one rank-one update for each row h of H (Sherman and Morrison), without a matrix inverse:

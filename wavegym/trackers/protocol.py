@@ -52,7 +52,7 @@ class Scan(NamedTuple):
 
     z: Array  # (env, return, m)
     present: Array  # (env, return) bool: False where a target was not detected
-    target: Array  # (env, return) int: the target that a return comes from; UNKNOWN (-1) where nobody knows
+    target: Array  # (env, return) int: the target that a return comes from; UNKNOWN (-1) if the origin is unknown
     R: Array  # (env, return, m, m) covariance of the error as the tracker assumes it
     model: MeasurementModel
     detection: Array | None = None  # (env, target) probability of detection at the predicted range; None: origins known

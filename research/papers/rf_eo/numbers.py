@@ -36,11 +36,12 @@ def summarise(study: Study) -> dict[str, Any]:
     """All numbers, as plain types; None if there is no estimate.
 
     Keys:
-        command, seed, runs, versions, and scenes: for "published" and "far" ``horizon``, ``margin`` and ``threshold``,
-        ``tuned`` (by policy the settings of each slot and platform [PRF Hz, bandwidth Hz, pixel angle rad]),
-        ``policies``, ``lookahead`` (by depth ``percent``, the gain over the one-step scheduler, with its ci, and
-        us_per_decision), ``penalties`` (by penalty in prediction ``cost`` and ``over_logistic`` of the one-step
-        scheduler), ``adaptation`` (of both objectives) and ``agreement``.
+        command, seed, runs, versions, and scenes. Each scene, "published" and "far", has:
+
+        ``horizon``, ``margin`` and ``threshold``; ``tuned``: by policy, the settings of each slot and platform [PRF Hz,
+        bandwidth Hz, pixel angle rad]; ``policies``; ``lookahead``: by depth, ``percent`` (the gain over the one-step
+        scheduler), its ci, and us_per_decision; ``penalties``: by penalty in prediction, ``cost`` and
+        ``over_logistic`` of the one-step scheduler; ``adaptation`` (of both objectives) and ``agreement``.
 
         Each policy has:
 

@@ -1,20 +1,22 @@
 """One compiled step of the agile-clutter loop: predict, transmit, detect, associate, update.
 
-Axes: e environment, i sensor, t target slot. Sizes arrive as tuples of zeros (``nn`` for the state). ``targets`` =
-(birth (t,) int, lifetime) says when a slot holds a target: birth < step <= birth + lifetime. ``radar`` = (sensors (i,
-2), reference range, nearest range, log Pf, clutter density, gate, gate probability, carrier, tables of cut pulses), as
-the tracker assumes them. ``world`` is the same tuple with the true values; its gate and gate probability are not used.
-``q2`` = (pd grid, log clutter grid, table) of the information reduction factor. ``pulse`` = (C (e, i, 2, 2) at unit
-SNR, strength (e, i) > 0, a factor on the SNR, chance (e, i, t) of illuminating a visible target, window (e, i) int,
-windows (row, 10): the pulse and its receive window, see ``is_whole``); axis e may be 1, for all environments. No gate
-is opened if chance is 0 or if the predicted echo arrives while the pulse is sent. ``gates`` = (open (g,) bool, centre
-(g, 2), L (g, 2, 2), radius): one for each target, or one for each component of each target. The windows of a sensor are
-WINDOW times as large as the gates that are predicted before the step. ``measure`` reports the returns inside the
-windows, and ``track`` drops those outside the tracker's gates. A target is ``fresh`` (t,) bool until a sensor of the
-step illuminates it; its gates are then those predicted before the step. Returns outside the gates and clutter points
-are counted for fresh targets only: ``measure`` does not know later gates. ``particles`` = (X (e, particle, t, n), V (e,
-particle, t, n, n)); ``mixtures`` = (weight (e, t, c), X (e, t, c, n), V (e, t, c, n, n)); ``jpda`` = True. One of the
-three is the tracker, and the others are None. The compiler omits a block under ``is not None``, and only such a block.
+Axes: e environment, i sensor, t target slot. Sizes arrive as tuples of zeros (``nn`` for the state).
+``targets`` = (birth (t,) int, lifetime) says when a slot holds a target: birth < step <= birth + lifetime.
+``radar`` = (sensors (i, 2), reference range, nearest range, log Pf, clutter density, gate, gate probability, carrier,
+tables of cut pulses), as the tracker assumes them. ``world`` is the same tuple with the true values; its gate and gate
+probability are not used.
+``q2`` = (pd grid, log clutter grid, table) of the information reduction factor.
+``pulse`` = (C (e, i, 2, 2) at unit SNR, strength (e, i) > 0, a factor on the SNR, chance (e, i, t) of illuminating a
+visible target, window (e, i) int, windows (row, 10): the pulse and its receive window, see ``is_whole``); axis e may be
+1, for all environments. No gate is opened if chance is 0 or if the predicted echo arrives while the pulse is sent.
+``gates`` = (open (g,) bool, centre (g, 2), L (g, 2, 2), radius): one for each target, or one for each component of
+each target. The windows of a sensor are WINDOW times as large as the gates that are predicted before the step.
+``measure`` reports the returns inside the windows, and ``track`` drops those outside the tracker's gates. A target is
+``fresh`` (t,) bool until a sensor of the step illuminates it; its gates are then those predicted before the step.
+Returns outside the gates and clutter points are counted for fresh targets only: ``measure`` does not know later gates.
+``particles`` = (X (e, particle, t, n), V (e, particle, t, n, n)); ``mixtures`` = (weight (e, t, c), X (e, t, c, n),
+V (e, t, c, n, n)); ``jpda`` = True. One of the three is the tracker, and the others are None. The compiler omits a
+block under ``is not None``, and only such a block.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False

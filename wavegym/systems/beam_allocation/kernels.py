@@ -69,9 +69,10 @@ def predict_codes(x, P, chirps, windows, radar, q2, M, worth, work, nn):
 def gain(step, mean, covariance, visible, wait, ahead, code_of, codes, chirps, windows, M, F, Q, radar, q2, out, nn):
     """out (e, c): reduction of trace(M P) by joint action c after ``wait`` (e, c) steps without any measurement.
 
-    visible (e, H, t). code_of (c, t): each action's code at each target, one of ``codes``; chirps (d, 2, 2) and windows
-    (d, 10): see ``agile_clutter.kernels``. M (L, n, n): for 1, 2, ... L steps. ``ahead`` (e, t): steps that count; none
-    after the episode's end does. Neighbouring candidates with equal waits share their work.
+    visible (e, H, t). code_of (c, t): each action's code at each target, one of ``codes``; chirps (d, 2, 2) and
+    windows (d, 10): see ``agile_clutter.kernels``.
+    M (L, n, n): for 1, 2, ... L steps. ``ahead`` (e, t): steps that count, up to the end of the episode.
+    Neighbouring candidates with equal waits share their work.
     """
     count_t, n, horizon = mean.shape[1], len(nn), visible.shape[1]
     present, worth = np.ones(count_t, np.bool_), np.empty((count_t, codes))

@@ -24,7 +24,7 @@ TRACK: dict[str, Any] = {"color": "tab:blue", "linewidth": 1.2}
 TENTATIVE: dict[str, Any] = {"color": "tab:orange", "linewidth": 0.9}
 BEAM: dict[str, Any] = {"color": "tab:red", "alpha": 0.5, "linewidth": 0}
 SHADE: dict[str, Any] = {"color": "0.35", "linewidth": 0}
-DARKEST = 0.45  # opacity of a cell with as many undetected targets as without any search
+DARKEST = 0.45  # opacity of a cell whose number of undetected targets is that without any search
 EDGE: dict[str, Any] = {"color": "0.4", "linewidth": 0.8}
 SPENT = (("update", UPDATE, "tab:blue"), ("search", SEARCH, "tab:red"))
 

@@ -153,7 +153,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
                 f"sample is {self.sample!r} s, expected the longest dwell or more (nearest: {longest:.6g})"
             )
 
-    # --- what the parameters make ---
+    # --- derived from the parameters ---
 
     @property
     def timings(self) -> dict[str, PulseTiming]:
@@ -381,7 +381,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         """Updates of slots with a track, all searches, and the wait, (env, action) bool."""
         return self.dwells.mask(belief.existence > 0.0)
 
-    # --- what agents observe and what evaluation reads ---
+    # --- for agents and evaluation ---
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
