@@ -139,6 +139,52 @@ def test_extended_filters_are_one_in_systems_that_look(name, settings, tracker) 
         np.testing.assert_allclose(own.covariance, peer.covariance, rtol=1e-9, atol=1e-9)
 
 
+class Recording(ExtendedKalman):
+    """Keeps every scan."""
+
+    def __init__(self) -> None:
+        self.scans: list[Scan] = []
+
+    def update(self, estimate, scan):
+        self.scans.append(scan)
+        return super().update(estimate, scan)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("CameraSlew", {"platforms": ((0.0, 0.0), (1e3, -2e3))}),
+        ("SectorSetup", {}),
+        pytest.param("SectorSetupCity", {}, marks=pytest.mark.slow),
+    ],
+)
+def test_a_scan_is_the_true_targets_with_the_stated_error(name, settings) -> None:
+    """Squared errors over their covariance have the mean of chi-square; derivatives are those of finite differences.
+
+    The camera's direction is a unit vector, whose error has one dimension of two. A covariance at the predicted range
+    is 5 % off.
+    """
+    tracker = Recording()
+    system = make_task(f"{name}-v0", {"tracker": tracker, **settings}).system
+    tapes, rng = oracles.worlds(system, 200), np.random.default_rng(0)
+    state, found = system.initial(tapes), {}
+    for action in np.repeat(rng.integers(len(system.actions), size=(3, 200)), 5, axis=0):
+        tracker.scans.clear()
+        state = system.transition(state, action, tapes)
+        for k, scan in enumerate(tracker.scans):
+            rows, i = np.nonzero(scan.present)
+            truth, R = state.truth.targets[rows, scan.target[rows, i]], scan.R[rows, i]
+            error = scan.z[rows, i] - scan.model.measure(truth)
+            found.setdefault(k, []).append(np.einsum("ra,rab,rb->r", error, np.linalg.inv(R), error))
+            steps = np.array([1e-2, 1e-3, 1e-2, 1e-3])[:, None] * np.eye(4)
+            slopes = [(scan.model.measure(truth + d) - scan.model.measure(truth - d)) / (2 * d.sum()) for d in steps]
+            np.testing.assert_allclose(scan.model.jacobian(truth), np.stack(slopes, axis=-1), rtol=1e-4, atol=1e-7)
+    for k, errors in found.items():
+        squared, is_direction = np.concatenate(errors), name == "CameraSlew" and k == len(found) - 1
+        n = 1 if is_direction else tracker.scans[k].z.shape[-1]
+        assert abs(squared.mean() - n) < 5.0 * np.sqrt(2.0 * n / squared.size) + (0.05 * n if "Sector" in name else 0.0)
+
+
 def test_an_extended_filter_is_consistent_where_the_camera_always_sees() -> None:
     """Mean NEES over 60 steps within three standard errors of 4; errors are correlated over some ten steps."""
     nees, _ = followed("CameraSlew", 100, 60, tracker=ExtendedKalman(), **ALWAYS_SEEN)
