@@ -25,6 +25,7 @@ from wavegym.systems.rf_eo.system import RfEo, RfEoFar
 from wavegym.targets import constant_velocity
 from wavegym.testing import check_vector_env
 from wavegym.testing.shortcut_check import shortcut_defect
+from wavegym.trackers.polar_kernels import to_polar
 from wavegym.trackers.protocol import Estimate, ExtendedKalman, MeasurementModel, Scan
 from wavegym.waveforms import TrapezoidChirp
 from wavegym.waveforms.chirp_laws import CHIRP_LAWS
@@ -138,6 +139,56 @@ def test_extended_filters_are_one_in_systems_that_look(name, settings, tracker) 
     for own, peer in zip(one, other, strict=True):
         np.testing.assert_allclose(own.mean, peer.mean, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(own.covariance, peer.covariance, rtol=1e-9, atol=1e-9)
+        if name == "CameraSlew":  # whose schedulers predict in polar coordinates
+            polar = to_polar(own.mean, own.covariance, np.zeros(3))
+            np.testing.assert_array_equal(own.polar_mean, polar[0])
+            np.testing.assert_array_equal(own.polar_covariance, polar[1])
+
+
+class Recording(ExtendedKalman):
+    """Keeps every scan."""
+
+    def __init__(self) -> None:
+        self.scans: list[Scan] = []
+
+    def update(self, estimate, scan):
+        self.scans.append(scan)
+        return super().update(estimate, scan)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("CameraSlew", {"platforms": ((0.0, 0.0), (1e3, -2e3))}),
+        ("SectorSetup", {}),
+        pytest.param("SectorSetupCity", {}, marks=pytest.mark.slow),
+    ],
+)
+def test_a_scan_is_the_true_targets_with_the_stated_error(name, settings) -> None:
+    """Squared errors over their covariance have the mean of chi-square; derivatives are those of finite differences.
+
+    The camera's direction is a unit vector, whose error has one dimension of two. A covariance at the predicted range
+    is 5 % off.
+    """
+    tracker = Recording()
+    system = make_task(f"{name}-v0", {"tracker": tracker, **settings}).system
+    tapes, rng = oracles.worlds(system, 200), np.random.default_rng(0)
+    state, found = system.initial(tapes), {}
+    for action in np.repeat(rng.integers(len(system.actions), size=(3, 200)), 5, axis=0):
+        tracker.scans.clear()
+        state = system.transition(state, action, tapes)
+        for k, scan in enumerate(tracker.scans):
+            rows, i = np.nonzero(scan.present)
+            truth, R = state.truth.targets[rows, scan.target[rows, i]], scan.R[rows, i]
+            error = scan.z[rows, i] - scan.model.measure(truth)
+            found.setdefault(k, []).append(np.einsum("ra,rab,rb->r", error, np.linalg.inv(R), error))
+            steps = np.array([1e-2, 1e-3, 1e-2, 1e-3])[:, None] * np.eye(4)
+            slopes = [(scan.model.measure(truth + d) - scan.model.measure(truth - d)) / (2 * d.sum()) for d in steps]
+            np.testing.assert_allclose(scan.model.jacobian(truth), np.stack(slopes, axis=-1), rtol=1e-4, atol=1e-7)
+    for k, errors in found.items():
+        squared, is_direction = np.concatenate(errors), name == "CameraSlew" and k == len(found) - 1
+        n = 1 if is_direction else tracker.scans[k].z.shape[-1]
+        assert abs(squared.mean() - n) < 5.0 * np.sqrt(2.0 * n / squared.size) + (0.05 * n if "Sector" in name else 0.0)
 
 
 def test_an_extended_filter_is_consistent_where_the_camera_always_sees() -> None:
