@@ -81,8 +81,8 @@ def _options(comparison: Comparison, played: dict[str, Played]) -> tuple[Array, 
 def _policy(record: Played, first: Played, world: int, options: Array) -> dict[str, Any]:
     """A policy over time, and one episode of its first member to step through.
 
-    ``low`` to ``high`` are quartiles of the cost after each step, over the worlds still running; ``shares`` see there;
-    ``episode`` has the cost after each step and the legend's row of each transmission, (sensor, step).
+    ``low`` to ``high`` are quartiles of the cost after each step, over the worlds still running. ``episode`` has the
+    cost after each step and the legend's row of each transmission, (sensor, step).
     """
     low, median, high = (_short(quartile) for quartile in np.nanpercentile(record.cost, QUARTILES, axis=0))
     steps = first.steps[world]

@@ -64,7 +64,7 @@ class Cycle:
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""
-        action = self.actions[belief.step % len(self.actions)]
+        action = self.slot_action(belief)
         if mask is None or action.ndim > 1:
             return action
         is_allowed = mask[np.arange(len(action)), action]
@@ -72,6 +72,10 @@ class Cycle:
             return action
         at = np.argmax(action[:, None] == self._constants, axis=1)
         return np.where(is_allowed, action, _first_allowed(at, self._constants, mask))
+
+    def slot_action(self, belief: Any) -> Array:
+        """The action of each environment's slot, allowed or not, (env, ...)."""
+        return self.actions[belief.step % len(self.actions)]
 
 
 class Fixed(Cycle):
