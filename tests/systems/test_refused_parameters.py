@@ -151,19 +151,19 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"tracker": ExtendedKalman}, r"tracker is <class .*, expected an object with predict.*nearest: OneByOne"),
         (
             {"tracker": ImmKalman((constant_velocity(1.0, 1.0),)), "births": (0, 9)},
-            r"tracker ImmKalman has a memory, expected one without begin\(.*\) where targets come and go",
+            r"tracker ImmKalman has a memory, expected a tracker without begin\(.*\), because targets come and go",
         ),
-        ({"action": "joint", "platforms": ((0.0, 0.0),) * 8}, r"joint actions are 16\^8.*nearest action: 'library'"),
+        ({"action": "joint", "platforms": ((0.0, 0.0),) * 8}, r"joint actions is 16\^8.*nearest action: 'library'"),
         ({"births": (0,)}, r"births is \(0,\), expected 2 steps, one for each of starts"),
         ({"births": (0, 1000)}, "greatest of births is 1000.*nearest: 999"),
         ({"turns": 4}, r"turns is 4, expected an odd number.*nearest: 5"),
         (
             {"action": "joint", "points": (8, 1, 8), "slew_rate": 1.0},
-            r"joint actions are 320\^2, of points \(8, 1, 8\) with 5 turns.*nearest action: 'library'",
+            r"number of joint actions is 320\^2 from points \(8, 1, 8\) with 5 turns.*nearest action: 'library'",
         ),
         (
             {"points": (200, 1, 200), "turns": 3, "slew_rate": 1.0},
-            r"120000 settings, of points \(200, 1, 200\) with 3 turns",
+            r"120000 settings from points \(200, 1, 200\) with 3 turns",
         ),
         (
             {"truth": {"pixel_angle": (1e-5, 1e-3)}},

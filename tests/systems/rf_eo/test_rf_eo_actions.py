@@ -166,8 +166,8 @@ def test_view_is_the_sensors(as_printed):
             2,
             f"library has 4000000000000 settings.*at most {MOST_ACTIONS}",
         ),
-        ("joint", (9, 9, 9), 2, r"joint actions are 729\^2.*nearest action: 'library'"),
-        ("joint", POINTS, 64, r"joint actions are 24\^64"),
+        ("joint", (9, 9, 9), 2, r"number of joint actions is 729\^2.*nearest action: 'library'"),
+        ("joint", POINTS, 64, r"number of joint actions is 24\^64"),
     ],
 )
 def test_points_are_checked(form, points, platforms, words):

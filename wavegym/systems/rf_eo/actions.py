@@ -15,7 +15,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int
 from wavegym.sensors import View, platform_view
 
-GRID_POINTS = 64  # PRFs, and pixel angles, that the search in a box tries; 96 lower the cost by less than 1 % more
+GRID_POINTS = 64  # PRFs, and pixel angles, that the search in a box tries; with 96 the cost is less than 1 % lower
 MOST_CANDIDATES = 4096  # combinations of the platforms' settings that enumerating schedulers try
 MOST_ACTIONS = 65536  # settings, or joint actions, in a library
 
@@ -53,18 +53,18 @@ class PlatformActions:
 
     Args:
         ranges: least and greatest PRF (Hz), B (Hz) and alpha (rad).
-        points: number of values of each in the library, in equal ratios; a single point is the greatest value.
+        points: number of values of each in the library, spaced logarithmically; a single point is the greatest value.
         platforms: number of platforms.
         form: "library" (an index per platform), "joint" (one index for all platforms) or "box".
         wavelength: in m.
         fft_length: pulses integrated.
-        pixels: across the image.
+        pixels: number of pixels across the image.
         as_printed: use the paper's misprinted field of view.
-        greatest_turn: of the look direction in a step, in rad, to either side; 0: it is fixed.
-        turns: number of turns in the library, odd, so that 0 is one.
+        greatest_turn: greatest turn of the look direction in a step, to either side, in rad; 0: it is fixed.
+        turns: number of turns in the library; odd, so that one of them is 0.
 
     Raises:
-        InputError: bounds that are reversed or not > 0, no points, or too many points.
+        InputError: bounds that are reversed or not positive, no points, or too many points.
     """
 
     ranges: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
@@ -99,7 +99,7 @@ class PlatformActions:
 
     @cached_property
     def turn_levels(self) -> Array:
-        """Turns of the library in rad; 0 alone where the look direction is fixed."""
+        """Turns of the library in rad; only 0 if the look direction is fixed."""
         return np.linspace(-self.greatest_turn, self.greatest_turn, self.turns) if self.greatest_turn else np.zeros(1)
 
     @cached_property
@@ -119,14 +119,14 @@ class PlatformActions:
         count = math.prod(self.points) * turns
         source = f"points {self.points}" + f" with {turns} turns" * (turns > 1)
         if count > MOST_ACTIONS:
-            raise InputError(f"library has {count} settings, of {source}, expected at most {MOST_ACTIONS}")
+            raise InputError(f"library has {count} settings from {source}, expected at most {MOST_ACTIONS}")
         if self.form == "joint" and count**self.platforms > MOST_ACTIONS:
             wanted = f"at most {MOST_ACTIONS} (nearest action: 'library')"
-            raise InputError(f"joint actions are {count}^{self.platforms}, of {source}, expected {wanted}")
+            raise InputError(f"number of joint actions is {count}^{self.platforms} from {source}, expected {wanted}")
 
     @cached_property
     def library(self) -> Library:
-        """The settings of one platform: every PRF with every bandwidth, pixel angle and turn, the last fastest."""
+        """The settings of one platform: each PRF with each bandwidth, pixel angle and turn; turns vary fastest."""
         levels = [level.tolist() for level in self.levels]
         if self.greatest_turn:
             return Library(tuple(TurningSetting(*values) for values in product(*levels, self.turn_levels.tolist())))
@@ -149,7 +149,7 @@ class PlatformActions:
         return np.array(self.library.entries)
 
     def settings(self, actions: Array) -> Array:
-        """PRF, bandwidth and pixel angle of every platform, (..., platform, 3), for ``actions``; 4 with its turn."""
+        """PRF, bandwidth and pixel angle of every platform for ``actions``, (..., platform, 3); with the turn, 4."""
         if self.form == "box":
             values = self.box.decode(actions)
             return values.reshape(*values.shape[:-1], self.platforms, -1)
@@ -169,7 +169,7 @@ class PlatformActions:
 
     @cached_property
     def grid(self) -> tuple[Array, Array]:
-        """PRFs and pixel angles that a one-step search tries: a fine grid of the box, or the library's own."""
+        """PRFs and pixel angles that a one-step search tries: a fine grid of the box, or those of the library."""
         if self.form != "box":
             return self.levels[0], self.levels[2]
         (f, F), _, (a, A) = self.ranges
@@ -179,14 +179,14 @@ class PlatformActions:
     def camera_grid(self) -> tuple[Array, Array]:
         """Pixel angles and turns that a one-step search tries: every pixel angle of ``grid`` with every turn.
 
-        No turn comes first, then ever greater ones: where several cost the same, a search takes the first.
+        Turns are sorted by size, 0 first: of equal costs a search takes the first, so it turns only if that helps.
         """
         angles, turns = self.grid[1], self.turn_levels[self._turn_order]
         return np.tile(angles, len(turns)), np.repeat(turns, len(angles))
 
     @cached_property
     def _turn_order(self) -> Array:
-        """Indices of ``turn_levels`` from the least turn to the greatest."""
+        """Indices of ``turn_levels``, from the smallest turn to the largest, whichever its side."""
         return np.argsort(np.abs(self.turn_levels), kind="stable")
 
     @property
@@ -198,9 +198,9 @@ class PlatformActions:
     def axes(self) -> Array:
         """Variance, low, high and turn at the grid's points, (4, point, 3).
 
-        The PRF sets those of range and range-rate, the pixel angle those of the azimuth; the turn moves the azimuth
-        alone. The field of view does not depend on the bandwidth, so the greatest bandwidth is best. The shorter axis
-        repeats its last point.
+        The PRF sets the values of range and range-rate, the pixel angle sets those of azimuth. The turn changes only
+        the azimuth. The field of view does not depend on the bandwidth, so the greatest bandwidth is best. The shorter
+        axis repeats its last point.
         """
         longest = max(self.sizes)
         prfs, angles, turns = (
@@ -230,9 +230,9 @@ class PlatformActions:
 
     @cached_property
     def candidates(self) -> Array:
-        """Every combination of the library's settings; the same setting at all platforms where there are too many.
+        """Every combination of the library's settings.
 
-        In the joint form always every combination.
+        If there are too many, and the form is not "joint", all platforms take the same setting in each candidate.
         """
         count = len(self.library)
         if count**self.platforms <= MOST_CANDIDATES or self.form == "joint":

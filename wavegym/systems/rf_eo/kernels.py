@@ -1,14 +1,14 @@
 """The RF/EO loop in compiled form: move the targets, measure them, track them.
 
-Shapes and arguments as in ``look_kernels.py``. The world and the tracker have numbers of their own: ``true_rules`` and
-the field of view ``true_view`` are the world's. A view is the tuple of variance, low and high, (p, 3) each. ``i`` is
-the entry of the means x (i, n) and covariances P (i, n, n). z and R (a,): measurements and the variances that the
-tracker assumes, infinite where nothing was received.
+Shapes and arguments are those of ``look_kernels.py``. The parameters of the world may differ from those of the tracker:
+``true_rules`` and the field of view ``true_view`` belong to the world. A view is the tuple of variance, low and high,
+(p, 3) each. ``i`` is the index of a target in the means x (i, n) and covariances P (i, n, n). z and R (a,):
+measurements and the variances that the tracker assumes, infinite for quantities that were not received.
 
-The tracker is an extended Kalman filter that improves on its linearisation. Where the second-order terms of a
-measurement are small over the spread of the prior, one linearisation is enough. Otherwise the update iterates
-(Gauss-Newton). Where they are not small over the spread of the posterior either, as after a range alone, the posterior
-bends: it is linearised by regression over its own spread.
+The tracker is an extended Kalman filter. If the second-order terms of a measurement are small over the spread of the
+prior, it linearises once. Otherwise the update iterates (Gauss-Newton). If the terms are not small over the spread of
+the posterior either, as after a range alone, the posterior is curved. The tracker then linearises by regression over
+the posterior's own spread.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -47,13 +47,13 @@ from wavegym.trackers.kernels import (
 from wavegym.trackers.sigma_point_kernels import regression_one, sigma_points_one
 
 FAINT = 1e-6  # least observed value of a quantity or its standard deviation: keeps log10 finite
-SECOND_ORDER = 0.1  # standard deviations: a greater linearisation error makes the update iterate
+SECOND_ORDER = 0.1  # standard deviations: above this linearisation error the update iterates
 CONVERGED = 1e-3  # standard deviations: the iteration ends when the estimate moves by less
 
 
 @kernel
 def is_hidden(true, high, j, rules):
-    """Whether platform j's radar misses a target: in a blind zone of its range, or in its clutter notch."""
+    """Whether platform j's radar misses a target, which is in a blind zone of range or in the clutter notch."""
     for q in range(2):
         W = width_of(q, high[j, q], rules)
         if abs(true[q] - W * np.rint(true[q] / W)) < hidden_half(q, W, rules):
@@ -63,10 +63,10 @@ def is_hidden(true, high, j, rules):
 
 @inlined
 def receive_one(t, i, truth, h, error, places, view, true_view, fence, rules, true_rules, z, R):
-    """Measure truth[i]: fills z (a,) and the tracker's variances R (a,), 0 and infinite for quantities out of view.
+    """Measure truth[i]: fill z (a,) and the tracker's variances R (a,), 0 and infinite for quantities out of view.
 
     h (a,): predicted quantities; error (p, t, 3): standard normal. Returns the number of quantities received. With
-    folding, range and range-rate fold, and the radar receives both or none.
+    folding, range and range-rate fold, and the radar receives both or neither.
     """
     received = 0
     variance, low, high = view
@@ -108,7 +108,7 @@ def move_one(i, truth, F, L, process, truth_out, nn):
 
 @inlined
 def curved_one(i, x, P, h, R):
-    """Whether the measurement's second-order terms matter over the prior's spread, so that the update has to iterate.
+    """Whether second-order terms of the measurement matter over the prior's spread, so that the update must iterate.
 
     For a displacement d across the line of sight, the second-order term of the range is d^2 / 2r, that of the azimuth
     d^2 / 2r^2, those of the range-rate d / r times the velocity's spread and d^2 / 2r^2 times the speed.
@@ -132,8 +132,8 @@ def curved_one(i, x, P, h, R):
 def iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, is_polar, nn):
     """Gauss-Newton update: linearise again at each new estimate, starting from the prediction x[i], P[i] with h, H.
 
-    ``is_polar``: x[i] is the polar state about the first platform. Ends when the estimate moves by less than CONVERGED
-    standard deviations, or after ``rules.iterations``.
+    ``is_polar``: x[i] is the polar state about the first platform. The iteration ends when the estimate moves by less
+    than CONVERGED standard deviations, or after ``rules.iterations``.
     """
     n = len(nn)
     prior, at = P[i].copy(), x[i : i + 1].copy()
@@ -161,7 +161,7 @@ def iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, is_polar, nn):
 
 @inlined
 def values_one(points, h, places, rules, values):
-    """values (2 n, a): the quantities of every platform at the points (2 n, n); azimuths without a jump from h (a,)."""
+    """Fill values (2 n, a): quantities of all platforms at the points (2 n, n), azimuths within pi of h (a,)."""
     for k in range(points.shape[0]):
         for j in range(places.shape[0]):
             r, rdot, azimuth = polar(
@@ -174,9 +174,9 @@ def values_one(points, h, places, rules, values):
 
 @inlined
 def whiten_one(values, R, C, H, y, rows):
-    """Replace H (a, n) and y (a,) by C^-1 H and C^-1 y, C C' = diag(R) + the linearisation errors' covariance.
+    """Replace H (a, n) and y (a,) by C^-1 H and C^-1 y, where C C' = diag(R) + the covariance of linearisation errors.
 
-    C (a, a) is scratch space; rows of infinite R are left as they are.
+    C (a, a) is scratch space. Rows of infinite R do not change.
     """
     half = values.shape[0] // 2
     for a in range(rows):
@@ -202,11 +202,12 @@ def whiten_one(values, R, C, H, y, rows):
 
 @kernel
 def regress_one(i, x, P, prior_x, prior, z, R, h, H, places, rules, y, d, v, nn):
-    """Posterior linearisation: improve the estimate x[i], P[i] of a posterior too wide for one tangent.
+    """Posterior linearisation: improve the estimate x[i], P[i] of a posterior that is too wide for one linearisation.
 
-    Every pass replaces the measurement by its statistical linear regression over the posterior so far, whose errors
-    count as measurement noise, and updates the prior prior_x (1, n), prior (n, n) anew. Garcia-Fernandez, Svensson,
-    Morelande and Sarkka (2015), "Posterior linearization filter". Arguments as in ``iterate_one``.
+    Each pass replaces the measurement by its statistical linear regression over the current posterior. The errors of
+    the regression count as measurement noise. The pass then updates the prior again: prior_x (1, n), prior (n, n).
+    Garcia-Fernandez, Svensson, Morelande and Sarkka (2015), "Posterior linearization filter". Other arguments as in
+    ``iterate_one``.
     """
     n, rows = len(nn), h.shape[0]
     A, C, points, values = np.empty((n, n)), np.empty((rows, rows)), np.empty((2 * n, n)), np.empty((2 * n, rows))
@@ -239,7 +240,7 @@ def regress_one(i, x, P, prior_x, prior, z, R, h, H, places, rules, y, d, v, nn)
 
 @inlined
 def update_one(i, x, P, z, R, h, H, y, d, v, nn):
-    """Update the prediction x[i], P[i] with measurements z and variances R (a,); h, H: predicted ones and Jacobian."""
+    """Update the prediction x[i], P[i] with measurements z, variances R (a,); h, H: predicted z and its Jacobian."""
     residual_one(z, h, y)
     absorb_one(i, P, H, y, R, d, v, nn)
     for a in range(len(nn)):
@@ -248,7 +249,7 @@ def update_one(i, x, P, z, R, h, H, y, d, v, nn):
 
 @kernel
 def refine_one(i, x, P, z, R, h, H, places, rules, y, d, v, nn):
-    """As ``update_one``, where one tangent misleads."""
+    """``update_one`` for measurements for which one linearisation is not enough."""
     prior_x, prior = x[i : i + 1].copy(), P[i].copy()
     residual_one(z, h, y)
     iterate_one(i, x, P, z, R, h, H, places, rules, y, d, v, False, nn)
@@ -275,7 +276,7 @@ def transition(
 ):  # fmt: skip
     """One step of every environment; mean, truth (e, t, n), P (e, t, n, n), received, unseen (e, t), share (e,).
 
-    What is not in the scene stays as it is.
+    Targets outside the scene do not change.
     """
     (F, noise, places, fence, rules, stay), (true_F, true_L) = scene, true_motion
     (count, targets, n), platforms = mean.shape, places.shape[0]
@@ -316,7 +317,7 @@ def transition(
                 refine_one(i, x, P_out, z, R, h, H, aimed, rules, y, d, v, nn)
             else:
                 update_one(i, x, P_out, z, R, h, H, y, d, v, nn)
-        share[e] = share[e] if share[e] < np.inf else 0.0  # an empty scene
+        share[e] = share[e] if share[e] < np.inf else 0.0  # infinite: the scene is empty
 
 
 @kernel
@@ -334,7 +335,7 @@ def move(step, truth, process, F, L, stay, truth_out, nn):
 
 @kernel
 def receive(step, mean, P, truth, error, settings, true_rules, scene, z, R, share, nn):
-    """Fill z, R (e, t, a), what the platforms measure of truth (e, t, n), and share (e,), the least information."""
+    """Fill z, R (e, t, a) with the measurements of truth (e, t, n), and share (e,) with the least information."""
     F, _, places, fence, rules, stay = scene
     (count, targets, n), platforms = mean.shape, places.shape[0]
     view, true_view = empty_view(platforms), empty_view(platforms)
@@ -365,7 +366,7 @@ def receive(step, mean, P, truth, error, settings, true_rules, scene, z, R, shar
 def track(step, mean, P, z, R, settings, scene, x, P_out, nn):
     """Fill x (e, t, n), P_out (e, t, n, n): one step of the tracker with measurements z of variances R (e, t, a).
 
-    settings (e, p, 4): those that the measurements were made with.
+    settings (e, p, 4): the settings of these measurements.
     """
     F, noise, places, _, rules, stay = scene
     rows, n, Q = z.shape[2], len(nn), noise[0]
@@ -398,9 +399,9 @@ def track(step, mean, P, z, R, settings, scene, x, P_out, nn):
 
 @kernel
 def observe(mean, P, looks, scene, out, nn):
-    """out (e, elements): the observation before its logarithm is taken; variances in place of standard deviations.
+    """Fill out (e, elements): the observation before the logarithm, with variances in place of standard deviations.
 
-    For every target, as predicted one step ahead: variances of position and velocity, then for each platform
+    For every target, predicted one step ahead: variances of position and velocity, then for each platform
     |(r, rdot, azimuth)|, each followed by its variance.
     """
     places, rules = scene.places, scene.rules
@@ -448,9 +449,9 @@ def measure(mean, P, truth, values, nn):
 
 @kernel
 def unfold(x, P, z, R, settings, scene, u, part, nn):
-    """Fill u, part (e, t, a): measurements z of variances R without folds; see ``unfold_one``.
+    """Fill u, part (e, t, a): the measurements z of variances R, unfolded; see ``unfold_one``.
 
-    x (e, t, n), P (e, t, n, n): predicted states. settings (e, p, 4): those that the measurements were made with.
+    x (e, t, n), P (e, t, n, n): predicted states. settings (e, p, 4): the settings of these measurements.
     """
     places, rules = scene.places, scene.rules
     rows, n = z.shape[2], len(nn)
@@ -468,9 +469,9 @@ def unfold(x, P, z, R, settings, scene, u, part, nn):
 def figures(step, mean, P, truth, unseen, share, stay, come_and_go, threshold, longest, values, flags, below, nn):
     """The figures of a state: values (3, e, t) of ``measure_one``, 0 for a target that is not in the scene.
 
-    flags (2, e, t): whether a target is lost, as nothing was received for more than ``longest`` steps, and whether it
-    is in the scene, as all are unless they ``come_and_go``. below (e,): whether ``share``, the least information of
-    targets in the scene, lies below the threshold.
+    flags (2, e, t): whether a target is lost (nothing received for more than ``longest`` steps), and whether it is in
+    the scene. All targets are in the scene unless they ``come_and_go``. below (e,): whether ``share``, the least
+    information of any target in the scene, is below the threshold.
     """
     L, d = np.empty((len(nn), len(nn))), np.empty(len(nn))
     for e in range(mean.shape[0]):

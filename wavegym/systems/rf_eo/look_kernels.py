@@ -1,14 +1,19 @@
-"""What the platforms see of a predicted target, and the belief after it, in compiled form.
+"""Predicted measurements of the platforms, and the belief after them, in compiled form.
 
-Shapes: e environments, t targets, p platforms, a = 3 p quantities, (r, rdot, azimuth) of platform after platform.
-``settings`` (e, p, 4): PRF, bandwidth, pixel angle and look direction; variance, low and high (p, 3): variances and
-field of view of one environment's settings. ``places`` (p, 3): positions and directions from which azimuths count, +y
-in arguments of kernels; ``looks`` (e, p): look directions before the step; ``fence`` (2, 3): sharpness and height of
-the penalties; ``rules``: the scalars of ``Rules``; ``stay`` (t, 2): the steps after which targets come and go; c
-candidates.
+Shapes: e environments, t targets, p platforms, c candidates, a = 3 p quantities: (r, rdot, azimuth), platform by
+platform.
 
-What may be folded updates only where its fold is certain. A Gaussian cannot hold several folds: the moments of all
-would lose the less probable ones at the next measurement, and with them the target.
+- ``settings`` (e, p, 4): PRF, bandwidth, pixel angle and look direction;
+- variance, low and high (p, 3): variances and field of view of the settings of one environment;
+- ``places`` (p, 3): positions, and directions from which azimuths count (+y in arguments of kernels);
+- ``looks`` (e, p): look directions before the step;
+- ``fence`` (2, 3): sharpness and height of the penalties;
+- ``rules``: the scalars of ``Rules``;
+- ``stay`` (t, 2): the steps after which targets come and go.
+
+A quantity that may be folded updates the belief only if its fold is certain. One Gaussian cannot represent several
+folds. If it had the moments of all folds, the next measurement would remove the less probable ones, and the target
+would be lost if one of them was true.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -40,8 +45,8 @@ from wavegym.trackers.kernels import (
 )
 from wavegym.trackers.polar_kernels import state_gradient, state_point
 
-PLACE = (0, 2)  # elements of [x xdot y ydot] that range and azimuth depend on
-ALL = (0, 1, 2, 3)  # elements that the range-rate depends on
+PLACE = (0, 2)  # elements of [x xdot y ydot] on which range and azimuth depend
+ALL = (0, 1, 2, 3)  # elements on which the range-rate depends
 
 
 class Rules(NamedTuple):
@@ -62,7 +67,7 @@ class Rules(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What tracker and schedulers assume."""
+    """The model that the tracker and the schedulers assume."""
 
     F: Any  # (t, n, n), of each target
     Q: Any  # (e, t, n, n) process noise of the next step; (1, t, n, n): the same in all environments
@@ -72,8 +77,8 @@ class Scene(NamedTuple):
     stay: Any  # (t, 2)
 
 
-SURE = 5.0  # a fold is certain where each other is exp(SURE^2 / 2) times less likely: wrong with Q(SURE) = 3e-7
-CERTAIN = 8.0  # standard deviations from an edge beyond which the side is taken as certain
+SURE = 5.0  # a fold is certain if all others are exp(SURE^2 / 2) times less likely; error probability Q(SURE) = 3e-7
+CERTAIN = 8.0  # standard deviations from an edge: beyond this distance the side is assumed to be certain
 
 
 @inlined
@@ -94,14 +99,14 @@ def is_here(t, step, stay):
 
 @inlined
 def aim_all(looks, places, aimed):
-    """Fill aimed (p, 3): the platforms' places, where azimuths count from looks (p,)."""
+    """Fill aimed (p, 3): the platforms' places, with azimuths counted from looks (p,)."""
     for j in range(places.shape[0]):
         aimed[j, 0], aimed[j, 1], aimed[j, 2] = places[j, 0], places[j, 1], looks[j]
 
 
 @inlined
 def off_look(value, look, q):
-    """Quantity q, whose azimuth counts from +y, with its azimuth from ``look``."""
+    """Quantity q; an azimuth is converted: it counts from +y in ``value`` and from ``look`` in the result."""
     return wrapped(value - look) if q == 2 else value
 
 
@@ -117,7 +122,7 @@ def look_one(i, x, places, rules, h, H):
 
 @inlined
 def look_polar(i, p, places, rules, h, H):
-    """As ``look_one`` for the state p[i] = [r, rdot, azimuth, v] about the first platform (``polar_kernels``)."""
+    """``look_one`` for the state p[i] = [r, rdot, azimuth, v] about the first platform (``polar_kernels``)."""
     if places.shape[0] > 1:
         n = H.shape[1]
         x, D, row = np.empty((1, n)), np.empty((n, n)), np.empty(n)
@@ -142,21 +147,21 @@ def look_polar(i, p, places, rules, h, H):
 
 @inlined
 def spread_of(q, i, P, H, a):
-    """h'P[i] h for row h of H, number a; q: range, range-rate or azimuth."""
+    """h'P[i] h, where h is row a of H; q: range, range-rate or azimuth."""
     return spread_one(i, P, H, a, ALL) if q == 1 else spread_one(i, P, H, a, PLACE)
 
 
 @inlined
 def gain_of(q, i, P, H, a, v, nn):
-    """As ``spread_of``; fills v (n,) = P[i] h."""
+    """``spread_of``, which also fills v (n,) = P[i] h."""
     return gain_one(i, P, H, a, v, nn, ALL) if q == 1 else gain_one(i, P, H, a, v, nn, PLACE)
 
 
 @inlined
 def predicted_variance(value, spread, variance, low, high, q, fence, rules):
-    """R~ of quantity q: variance plus penalty at the predicted value, moved ``margin`` deviations towards the edge.
+    """R~ of quantity q: its variance, plus the larger penalty ``margin`` deviations above or below the prediction.
 
-    What folds has no edge and no penalty.
+    A quantity that folds has no edge and no penalty.
     """
     if rules.folding and q < 2:
         return variance
@@ -170,7 +175,7 @@ def predicted_variance(value, spread, variance, low, high, q, fence, rules):
 
 @inlined
 def width_of(q, high, rules):
-    """Unambiguous interval of quantity q whose field of view ends at ``high``; inf: nothing folds."""
+    """Unambiguous interval of quantity q whose field of view ends at ``high``; inf if the quantity does not fold."""
     if not rules.folding or q == 2:
         return np.inf
     return high if q == 0 else 2.0 * high
@@ -178,7 +183,7 @@ def width_of(q, high, rules):
 
 @inlined
 def hidden_half(q, width, rules):
-    """Half the blind zone around each whole interval: while the radar transmits, or in the clutter notch."""
+    """Half the width of the blind zone around each multiple of the interval: the transmission, or the clutter notch."""
     return rules.duty * width if q == 0 else rules.notch
 
 
@@ -195,7 +200,8 @@ def visible_one(value, variance, width, half):
 def seen_one(r, rdot, r_variance, rdot_variance, high, j, rules):
     """The probability that platform j's radar sees a target of this predicted range and range-rate.
 
-    Outside its blind zones and outside its notch; their correlation is left out of account. 1 without folding.
+    This is the probability that the target is outside all blind zones and outside the notch. The correlation of range
+    and range-rate is neglected. Without folding the result is 1.
     """
     if not rules.folding:
         return 1.0
@@ -207,9 +213,9 @@ def seen_one(r, rdot, r_variance, rdot_variance, high, j, rules):
 
 @inlined
 def expected_innovation(spread, variance, seen, width):
-    """Innovation variance s with which P - v v' / s is the expected covariance after a measurement that may fold.
+    """Innovation variance s for which P - v v' / s is the expected covariance after a measurement that may fold.
 
-    It is seen with probability ``seen``, and used where its fold is certain.
+    The radar sees the target with probability ``seen``. The measurement is used if its fold is certain.
     """
     s = spread + variance
     return s / (seen * certain_fold_one(s, width, SURE)) if width < np.inf else s
@@ -217,7 +223,7 @@ def expected_innovation(spread, variance, seen, width):
 
 @inlined
 def weighted_information(spread, variance, seen, width):
-    """spread / R, where R is the variance of an unfolded, certain measurement of the same expected covariance."""
+    """spread / R; R: variance of a certain, unfolded measurement that gives the same expected covariance."""
     if width < np.inf:
         return spread / (expected_innovation(spread, variance, seen, width) - spread)
     return spread / variance
@@ -225,7 +231,7 @@ def weighted_information(spread, variance, seen, width):
 
 @inlined
 def information_one(i, P, h, H, variance, low, high, fence, rules):
-    """tr(P C' R~^-1 C) of target i as predicted: the information of the settings, weighted with P[i]."""
+    """tr(P C' R~^-1 C) of the predicted target i: the information of the settings, weighted with P[i]."""
     total = 0.0
     for j in range(variance.shape[0]):
         a = 3 * j
@@ -241,7 +247,7 @@ def information_one(i, P, h, H, variance, low, high, fence, rules):
 
 @inlined
 def residual_one(z, h, y):
-    """y (a,) = z - h, azimuths wrapped."""
+    """Fill y (a,) = z - h; azimuths are wrapped."""
     for j in range(h.shape[0] // 3):
         y[3 * j] = z[3 * j] - h[3 * j]
         y[3 * j + 1] = z[3 * j + 1] - h[3 * j + 1]
@@ -250,7 +256,7 @@ def residual_one(z, h, y):
 
 @inlined
 def absorb_one(i, P, H, y, R, d, v, nn):
-    """d (n,) = K y and P[i] = [P[i]^-1 + H' R^-1 H]^-1, one received row after another."""
+    """Fill d (n,) = K y and P[i] = [P[i]^-1 + H' R^-1 H]^-1, one received row after another."""
     for k in range(len(nn)):
         d[k] = 0.0
     for j in range(R.shape[0] // 3):
@@ -264,10 +270,10 @@ def absorb_one(i, P, H, y, R, d, v, nn):
 
 @kernel
 def fold_pair(P, H, z, h, R, high, j, rules, nn):
-    """(range certain, its fold, range-rate certain, its fold) of platform j against the prediction h, P (1, n, n).
+    """(range certain, its fold, range-rate certain, its fold) of platform j, for the prediction h, P (1, n, n).
 
-    A quantity is certain if all folds of the pair that are not exp(SURE^2 / 2) times less likely than the best share
-    its fold: the spread over them is 0.
+    The likely folds of the pair are those that are not exp(SURE^2 / 2) times less likely than the best. A quantity is
+    certain if its fold is the same in all of them: its spread is 0.
     """
     a, S01 = 3 * j, 0.0
     for k in range(len(nn)):
@@ -283,11 +289,11 @@ def fold_pair(P, H, z, h, R, high, j, rules, nn):
 
 @kernel
 def unfold_one(i, P, z, R, h, H, high, rules, u, part, y, d, v, nn):
-    """Fill u and part (a,), measurements without folds and their variances; infinite where the fold is not certain.
+    """Fill u and part (a,): unfolded measurements and their variances, infinite if the fold is not certain.
 
-    Azimuths update a copy of the prediction P[i] first. Then a range or range-rate joins if all other folds are
-    exp(SURE^2 / 2) times less likely than the nearest. Each narrows the prediction for the others, until no more is
-    certain. high (p, 3): upper edges of the fields of view, which set the widths.
+    Azimuths first update a copy of the prediction P[i]. Then a range or range-rate is added if all other folds are
+    exp(SURE^2 / 2) times less likely than the nearest. Each addition narrows the prediction for the others, until no
+    other fold is certain. high (p, 3): upper edges of the fields of view, which set the widths.
     """
     trial, at, fold = P[i : i + 1].copy(), h.copy(), np.zeros(2)
     certain = np.zeros(2, np.bool_)
@@ -332,8 +338,8 @@ def noise_of(e, scene):
 def predict_ahead(step, mean, P, scene, Q, x, V, h, H, nn):
     """Predict all targets: mean x (t, n), covariance V (t, n, n), measurements h (t, a), Jacobians H (t, a, n).
 
-    Q (t, n, n). A target that is not in the scene one step ahead stays as it is; its range of -1 is too near to be
-    measured.
+    Q (t, n, n). A target that is not in the scene one step ahead does not change. Its range is set to -1, which is too
+    near for a measurement.
     """
     T = np.empty((len(nn), len(nn)))
     for t in range(mean.shape[0]):
@@ -384,7 +390,7 @@ def predict(step, mean, P, settings, scene, x, P_out, nn):
 
 @kernel
 def information(step, mean, P, settings, scene, out, nn):
-    """out (e, c, t): tr(P C' R~^-1 C) of every target for settings (e or 1, c, p, 4)."""
+    """Fill out (e, c, t): tr(P C' R~^-1 C) of every target for settings (e or 1, c, p, 4)."""
     (count, candidates, targets), n, platforms = out.shape, len(nn), scene.places.shape[0]
     fence, rules = scene.fence, scene.rules
     variance, low, high = np.empty((platforms, 3)), np.empty((platforms, 3)), np.empty((platforms, 3))

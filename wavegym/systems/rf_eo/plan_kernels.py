@@ -1,7 +1,7 @@
 """A plan of several steps for RF/EO platforms in compiled form.
 
-Shapes and arguments as in ``search_kernels.py``; s steps ahead; ``chosen`` (s, p, 2), and so
-are R, seen and here of the ``tables``.
+Shapes and arguments are those of ``search_kernels.py``. There are s steps ahead: ``chosen`` is (s, p, 2), and R, seen
+and here of the ``tables`` also have the leading axis s.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -28,7 +28,7 @@ BETTER = 1e-9  # least relative improvement for which the plan is changed
 
 @kernel
 def follow(U, H, tables, chosen, s, last, weights, F, Q, bound, T, v, nn):
-    """Cost of the steps s to ``last`` from U[s] (t, n, n); fills U[s + 1], ...; stops where it reaches ``bound``."""
+    """Cost of the steps s to ``last`` from U[s] (t, n, n); fills U[s + 1], ...; stops at a cost of ``bound``."""
     (R, seen, widths, here), total = tables, 0.0
     for k in range(s, last + 1):
         for t in range(U.shape[1]):
@@ -45,7 +45,7 @@ def follow(U, H, tables, chosen, s, last, weights, F, Q, bound, T, v, nn):
 
 @kernel
 def turn_later(j, k, ahead, R, chosen, axes, fence, rules):
-    """Fill looks[k + 1:, j], and the azimuths' R after step k, for the turns of platform j from step k on."""
+    """Fill looks[k + 1:, j], and R of the azimuths after step k, for the turns of platform j from step k on."""
     (looks, h, spread), a = ahead, 3 * j + 2
     for s in range(k, chosen.shape[0]):
         looks[s + 1, j] = wrapped(looks[s, j] + axes[3, chosen[s, j, 1], 2])
@@ -62,7 +62,7 @@ def change(
 ):
     """Give platform j the best grid point of an axis, the same at steps k to ``end`` - 1; returns the plan's cost.
 
-    The choice stays where none costs less than ``total``; spent: cost of the steps before k.
+    The plan does not change if no point costs less than ``total``. spent: cost of the steps before k.
     """
     turns, kept, best = axis == 1 and axes[3].any(), chosen[k:end, j, axis].copy(), -1
     least, turned = total, np.nan
@@ -86,9 +86,9 @@ def change(
 def improve(U, ahead, H, tables, chosen, axes, sizes, weights, F, Q, fence, rules, T, v, nn):
     """Change one grid point of one platform at one step at a time, as long as the plan's cost falls.
 
-    A platform that turns may also take the same turn at all steps that are left: one turn alone may not reach a target.
-    U (s + 1, t, n, n) holds the covariances of the plan so far. The tables stay those of the plan given, but follow the
-    platforms' turns.
+    A platform that turns may also take the same turn at all remaining steps, because one turn may not reach a target.
+    U (s + 1, t, n, n) holds the covariances of the current plan. The tables remain those of the first plan, except that
+    they follow the platforms' turns.
     """
     (depth, platforms), turning = chosen.shape[:2], axes[3].any()
     total = follow(U, H, tables, chosen, 0, depth - 1, weights, F, Q, np.inf, T, v, nn)
@@ -109,10 +109,10 @@ def improve(U, ahead, H, tables, chosen, axes, sizes, weights, F, Q, fence, rule
 
 @kernel
 def foresee(step, x, U, ahead, H, tables, chosen, search, axes, sizes, weights, scene, Q, room, nn):
-    """Fill x, U, looks and the tables of each step of the plan ``chosen`` from x[0], U[0], looks[0]; the plan's cost.
+    """Fill x, U, looks and the tables of each step of the plan ``chosen`` from x[0], U[0], looks[0]; returns its cost.
 
-    ahead: looks (s + 1, p), the look directions before each step, h and spread (s, t, a). search: fill ``chosen`` too,
-    by the one-step scheduler. room: scratch space.
+    ahead: looks (s + 1, p), the look directions before each step, h and spread (s, t, a). search: the one-step
+    scheduler also fills ``chosen``. room: scratch space.
     """
     (R, seen, widths, here), (looks, h, spread), (other, W, rest, v) = tables, ahead, room
     total = 0.0
@@ -131,11 +131,11 @@ def foresee(step, x, U, ahead, H, tables, chosen, search, axes, sizes, weights, 
 
 @kernel
 def plan(step, mean, P, looks, horizon, axes, sizes, weights, scene, chosen, cost, nn):
-    """Fill ``chosen`` (e, s, p, 2), the one-step scheduler's plan improved, and its predicted cost (e,).
+    """Fill ``chosen`` (e, s, p, 2), an improved plan of the one-step scheduler, and its predicted cost (e,).
 
-    The plan is shorter at the episode's end. What a setting is worth may depend on the plan before it: on the spread
-    that it leaves, and on its look directions. Where it does, the plan is improved again from its own spread and
-    looks, as long as its cost falls.
+    The plan is shorter at the episode's end. The value of a setting may depend on earlier steps of the plan, through
+    the spread and the look directions. In that case the plan is improved again with the spread and look directions that
+    it leads to, as long as its cost falls.
     """
     (count, depth, platforms), targets, n = chosen.shape[:3], mean.shape[1], len(nn)
     rows, points = 3 * platforms, axes.shape[1]

@@ -1,4 +1,4 @@
-"""The parameters of the RF/EO loop, their checks, and what follows: motion, settings, places, presence."""
+"""The parameters of the RF/EO loop, their checks, and derived quantities: motion, settings, places, presence."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ StateVariance = tuple[Positive, Positive, Positive, Positive]
 
 
 def _diagonal_or_rows(given: Any, as_diagonal: Callable[[Any], Any]) -> Any:
-    """Four numbers as they are, or four rows as a tuple of tuples; InputError for rows that are no weighting matrix."""
+    """Four numbers unchanged, or four rows as a tuple of tuples; InputError if the rows are not a weighting matrix."""
     if not (isinstance(given, SEQUENCES) and any(isinstance(row, SEQUENCES) for row in given)):
         return as_diagonal(given)
     sizes = [np.size(row) for row in given]
@@ -77,7 +77,7 @@ def weighting_matrix(weights: Weights) -> Array:
 
 @system_parameters
 class PlatformScenario(System, PlaysRecordings):
-    """Parameters of ``RfEo``, their checks, and what follows: motion, settings, places, presence."""
+    """Parameters of ``RfEo``, their checks, and derived quantities: motion, settings, places, presence."""
 
     horizon: int = parameter(1000, "steps in an episode", ge=1, le=LONGEST)
     dt: float = parameter(1.0, "time step", unit="s", gt=0, le=1e6)
@@ -200,9 +200,9 @@ class PlatformScenario(System, PlaysRecordings):
         check_within("greatest of births", max(self.births), 0, self.horizon - 1)
 
     def _check_tracker(self) -> None:
-        """InputError for no tracker, or for one with a memory where targets come and go."""
+        """InputError for an invalid tracker, or for one with a memory if targets come and go."""
         if isinstance(self._own_tracker, TrackerWithMemory) and self._come_and_go:
-            wanted = "one without begin(estimate, motion) where targets come and go"
+            wanted = "a tracker without begin(estimate, motion), because targets come and go"
             raise InputError(f"tracker {type(self._own_tracker).__name__} has a memory, expected {wanted}")
 
     def _check_camera(self) -> None:
@@ -213,12 +213,12 @@ class PlatformScenario(System, PlaysRecordings):
             raise InputError(f"high of pixel_angle is {self.pixel_angle[1]:g} rad, expected {wanted}")
 
     def _check_radar(self) -> None:
-        """InputError for a range variance below the filter's precision, or pulses that do not fit into a step."""
+        """InputError for a range variance too small for double precision, or pulses that do not fit into a step."""
         finest = 0.5 * SPEED_OF_LIGHT / self.bandwidth[1]
         ratio = max(self.prior_variance) / (finest * finest / 12.0)
         if ratio > MOST_RATIO:
             least = max(self.prior_variance) * MOST_RATIO / ratio
-            wanted = f"at most {MOST_RATIO:g} times a range's at the greatest bandwidth (nearest: {least:.3g})"
+            wanted = f"at most {MOST_RATIO:g} times the least range variance, (c / 2B)^2 / 12 (nearest: {least:.3g})"
             raise InputError(f"prior_variance is up to {max(self.prior_variance):g}, expected {wanted}")
         dwell = self.fft_length / self.prf[0]
         if dwell > self.dt:
@@ -229,7 +229,7 @@ class PlatformScenario(System, PlaysRecordings):
         self.timings  # noqa: B018  (a PRF without room for the pulse is reported here)
 
     def _check_folding(self) -> None:
-        """InputError for folding with the paper's other forms, or a notch that hides all at the lowest PRF."""
+        """InputError for folding with the paper's other forms, or a notch that hides all targets at the lowest PRF."""
         if not self.folding:
             return
         if self.out_of_view == "inflated":
@@ -246,7 +246,7 @@ class PlatformScenario(System, PlaysRecordings):
 
     @property
     def _recorded_shape(self) -> tuple[int, int]:
-        """Targets, and steps."""
+        """Number of targets, and number of steps."""
         return len(self.starts), self.horizon
 
     @property
@@ -256,12 +256,12 @@ class PlatformScenario(System, PlaysRecordings):
 
     @cached_property
     def motion(self) -> MotionModel:
-        """The targets' motion model, of the tracker; ``truth_model.motion`` is the world's."""
+        """The targets' motion model as the tracker assumes it; ``truth_model.motion`` is that of the world."""
         return constant_turn(self.dt, self.q, self.turn_rate)
 
     @cached_property
     def _own_tracker(self) -> Tracker | None:
-        """The tracker; None for the compiled filter."""
+        """The user's tracker; None for the compiled filter."""
         return own_tracker(self.tracker, TRACKERS)
 
     @cached_property
@@ -276,7 +276,7 @@ class PlatformScenario(System, PlaysRecordings):
 
     @property
     def places(self) -> Array:
-        """(x, y) of every platform in m and its first look direction in rad, (platform, 3), a fresh array."""
+        """(x, y) of every platform in m and its first look direction in rad, (platform, 3); always a new array."""
         looks = self.looks or (0.0,) * len(self.platforms)
         return np.column_stack([self.platforms, looks])
 
@@ -292,7 +292,7 @@ class PlatformScenario(System, PlaysRecordings):
 
     @cached_property
     def _come_and_go(self) -> bool:
-        """Whether not all targets are in the scene throughout."""
+        """Whether any target is absent from the scene at some step."""
         return any(self.births) or self.lifetime < self.horizon
 
     def present(self, step: Array) -> Array:
@@ -318,7 +318,7 @@ class PlatformScenario(System, PlaysRecordings):
 
     @property
     def timings(self) -> dict[str, PulseTiming]:
-        """A train at each PRF of the library: of pulses of ``duty`` with folding, else of 1/B, the shortest."""
+        """A train at each PRF of the library. With folding a pulse lasts ``duty`` / PRF, otherwise 1/B."""
         lasts = self.folding and self.duty > 0.0
         return {
             f"{prf:.4g} Hz": PulseTiming(

@@ -1,6 +1,7 @@
 """The scene of RF/EO platforms: map, position errors, and each platform's field of view and settings.
 
-What folds is drawn folded, and filled where the radar sees it: outside its blind zones and its notch.
+Quantities that fold are drawn folded. Their markers are filled if the radar sees the target, which is then outside the
+blind zones and the notch.
 """
 
 from __future__ import annotations
@@ -39,10 +40,10 @@ PLANE = slice(0, None, 2)  # x and y among [x xdot y ydot]
 IMAGE: dict[str, Any] = {"alpha": 0.16, "linewidth": 0.8}
 UNAMBIGUOUS: dict[str, Any] = {"linewidth": 1.1, "linestyle": (0, (1.5, 1.5))}
 DART = np.array([[0.0, 1.0], [0.65, -0.9], [0.0, -0.5], [-0.65, -0.9], [0.0, 1.0]])  # platform that looks along +y
-SHOWN = 2  # platforms with their own panel
+SHOWN = 2  # number of platforms with a panel
 ROWS = (("range", "m"), ("rate", "m/s"), ("azimuth", "rad"))
-DECADE = 0.35  # distance between 1, 10 and 100 in the drawing, relative to that from the centre to the edge
-MOST = 1000.0  # times the edge: values farther out are drawn here
+DECADE = 0.35  # drawn distance between 1, 10 and 100, relative to the distance from the centre to the edge
+MOST = 1000.0  # times the edge; values farther out are drawn here
 TICKS = np.array([-100.0, -1.0, 0.0, 1.0, 100.0])
 INSIDE, EDGE = "0.92", "0.6"
 SCALES = (1e-3, 1e3)  # Hz -> kHz, rad -> mrad
@@ -63,7 +64,7 @@ LEGEND: dict[str, dict[str, Any]] = {
 
 
 def draw_platform_map(axes: Axes, system: RfEo, moment: Moment) -> None:
-    """Draw targets with their trails, platforms and their fields of view; x and y to the same scale, in km."""
+    """Draw targets with their trails, platforms and their fields of view; x and y have the same scale, in km."""
     trails, places = trails_of(moment, PLANE, KILO), KILO * np.array(system.platforms)
     to_scale(axes, np.concatenate([places.T, trails.points], axis=1))
     _draw_fields(axes, system, moment, places)
@@ -90,8 +91,8 @@ def targets_shown(system: RfEo, moment: Moment) -> Array:
 def _draw_fields(axes: Axes, system: RfEo, moment: Moment, places: Array) -> None:
     """Draw each platform's camera sector, out to the map's edge, and the circle of its unambiguous range.
 
-    The sector does not end at the circle: azimuth and range are measured independently of each other. With
-    ``as_printed`` the arcsine also accepts the sector's mirror image behind the platform; it is not drawn.
+    The sector does not end at the circle, because azimuth and range are measured independently of each other. With
+    ``as_printed`` the arcsine also accepts the sector's mirror image behind the platform, which is not drawn.
     """
     if not moment.actions:
         return
@@ -153,7 +154,7 @@ class PlatformScene:
                 draw_view(axes, sight, settings[-1], j)
 
     def _draw_settings(self, settings: Array) -> None:
-        """PRF and pixel angle of every platform after each step."""
+        """Draw PRF and pixel angle of every platform after each step."""
         steps = np.arange(1, len(settings) + 1)
         for axes, values, scale in zip(self._settings, (settings[..., 0], settings[..., 2]), SCALES, strict=True):
             for j, column in enumerate(scale * values.T):
@@ -162,7 +163,7 @@ class PlatformScene:
 
 
 class Sight(NamedTuple):
-    """True quantities at every platform in the last step, folded where they fold, and its field of view."""
+    """True quantities at every platform in the last step, folded if they fold, and the platform's field of view."""
 
     value: Array  # (platform, target, 3): range in m, range-rate in m/s, azimuth from the look in rad; NaN: absent
     low: Array  # (platform, 3): edges of the field of view
@@ -188,7 +189,7 @@ def in_view(system: RfEo, moment: Moment) -> Sight:
 
 
 def draw_view(axes: Axes, sight: Sight, settings: Array, platform: int) -> None:
-    """Each quantity of each target as a share of the field of view's upper edge; the field of view is shaded.
+    """Draw each quantity of each target relative to the upper edge of the field of view, which is shaded.
 
     Args:
         axes: the platform's panel.
@@ -234,7 +235,7 @@ def _prepare_view(axes: Axes) -> None:
 
 
 def received_caption(system: RfEo, moment: Moment) -> str:
-    """Quantities measured of each target in this step, or the steps since the last measurement."""
+    """Number of quantities measured of each target in this step, or the steps since its last measurement."""
     if not moment.actions:
         return ""
     truth, most = moment.states[-1].truth, 3 * len(system.platforms)

@@ -1,10 +1,13 @@
 """Search over the grid of RF/EO settings in compiled form: one step ahead, the least trace or the most information.
 
-Shapes and arguments as in ``look_kernels.py``; g points on each of the two axes of a platform's grid: PRF (sets
-range and range-rate) and pixel angle with turn (set the azimuth), at the greatest bandwidth. ``sizes``: points on each
-axis. ``chosen`` (p, 2): every platform's grid point. ``tables``: R (t, a, g), the predicted variance of every quantity
-at every point of its axis; seen (t, p, g), the probability that the radar sees the target; widths (g, 3), the
-unambiguous intervals; here (t,), whether the target is in the scene.
+Shapes and arguments are those of ``look_kernels.py``. The grid of a platform has two axes of g points: PRF, which sets
+range and range-rate, and pixel angle with turn, which set the azimuth. The bandwidth is the greatest.
+
+- ``sizes``: number of points on each axis;
+- ``chosen`` (p, 2): every platform's grid point;
+- ``tables``: R (t, a, g), the predicted variance of every quantity at every point of its axis; seen (t, p, g), the
+  probability that the radar sees the target; widths (g, 3), the unambiguous intervals; here (t,), whether the target is
+  in the scene.
 
 Information weighted with the predicted covariance is a sum over platforms and quantities, so the information of one
 platform's settings does not depend on the other platforms. The trace does depend on them.
@@ -31,16 +34,16 @@ from wavegym.systems.rf_eo.look_kernels import (
 )
 from wavegym.trackers.kernels import shrink_one
 
-SWEEPS = 10  # most passes of a search over all platforms
-STARTS = 12  # each platform's own optimum; forwards and backwards from nothing; own optima for other target weights
+SWEEPS = 10  # maximum number of passes of a search over all platforms
+STARTS = 12  # each platform's own optimum; forwards and backwards from no choice; own optima for other target weights
 FORWARDS, BACKWARDS = 1, 2
-LEAST_SHARE = 1e-6  # a smaller share of a target counts as this much
-FEW = 8  # PRFs, up to which they are tried in pairs; pairs of the fine grid of a box gained nothing
+LEAST_SHARE = 1e-6  # smaller shares of a target are raised to this value
+FEW = 8  # greatest number of PRFs that are tried in pairs; pairs of a box's fine grid gained nothing
 
 
 @kernel
 def empty_tables(targets, platforms, points):
-    """R, seen, widths and here, to be filled by ``tabulate``."""
+    """R, seen, widths and here, which ``tabulate`` fills."""
     R, seen = np.empty((targets, 3 * platforms, points)), np.empty((targets, platforms, points))
     return R, seen, np.empty((points, 3)), np.empty(targets, np.bool_)
 
@@ -55,10 +58,10 @@ def variance_at(g, q, value, spread, look, axes, fence, rules):
 
 @kernel
 def tabulate(V, h, H, looks, axes, fence, rules, tables, spread):
-    """Fill the tables, and spread (t, a).
+    """Fill the tables, and spread (t, a), the variance of each quantity's prediction.
 
-    spread: variance of the quantity's prediction. looks (p,): look directions before the step. axes (4, g, 3):
-    variance, low, high and turn at the points; columns 0 and 1 belong to the PRF, column 2 to pixel angle and turn.
+    looks (p,): look directions before the step. axes (4, g, 3): variance, low, high and turn at the points; columns 0
+    and 1 belong to the PRF, column 2 to pixel angle and turn.
     """
     (R, seen, widths, here), high = tables, axes[2]
     for g in range(axes.shape[1]):
@@ -83,7 +86,7 @@ def tabulate(V, h, H, looks, axes, fence, rules, tables, spread):
 def absorb_platform(V, H, tables, j, prf, angle, v, nn):
     """Update V (t, n, n) with the measurements of platform j at the points ``prf`` and ``angle`` of its axes.
 
-    A negative point: not chosen yet.
+    A negative point has not been chosen yet.
     """
     R, seen, widths, _ = tables
     for t in range(V.shape[0]):
@@ -99,7 +102,8 @@ def absorb_platform(V, H, tables, j, prf, angle, v, nn):
 def absorb_all(V, H, tables, chosen, v, nn):
     """Update V (t, n, n) with the measurements of all platforms; chosen (p, 2).
 
-    Where ranges fold, all azimuths come first, as in the tracker: what they leave open decides what a fold is worth.
+    If ranges fold, all azimuths come first, as in the tracker: the covariance after them decides whether a fold is
+    certain.
     """
     folds = tables[2][0, 0] < np.inf
     if folds:
@@ -148,9 +152,10 @@ def better_pair(V, H, tables, size, weights, chosen, least, W, v, nn):
 
 @kernel
 def search_folded(V, H, tables, sizes, weights, backwards, chosen, W, v, nn):
-    """``search`` where ranges fold: one axis of one platform at a time, each point tried with all other choices.
+    """``search`` if ranges fold: one axis of one platform at a time, each point tried with all other choices.
 
-    One PRF may be worth its price only with another of another platform: few PRFs are tried in pairs too.
+    A PRF may pay only in combination with a PRF of another platform. Up to ``FEW`` PRFs are therefore also tried in
+    pairs.
     """
     platforms, least = chosen.shape[0], np.inf
     chosen[:] = -1
@@ -178,9 +183,9 @@ def search_folded(V, H, tables, sizes, weights, backwards, chosen, W, v, nn):
 
 @kernel
 def best_platform(V, H, R, here, j, sizes, weights, W, v, nn):
-    """Cost and best points (prf, angle) of platform j's axes, where all others have already measured; nothing folds.
+    """Cost and best points (prf, angle) of platform j's axes, after all others have measured; nothing folds.
 
-    For each PRF the covariance is updated with range and range-rate (in W). An azimuth then lowers the trace by
+    For each PRF the covariance (in W) is updated with range and range-rate. An azimuth then lowers the trace by
     v' W v / (h' P h + R), with the same v for every pixel angle.
     """
     targets, n, azimuth = V.shape[0], len(nn), 3 * j + 2
@@ -212,9 +217,9 @@ def best_platform(V, H, R, here, j, sizes, weights, W, v, nn):
 
 @kernel
 def search(V, H, tables, sizes, weights, backwards, chosen, W, rest, v, nn):
-    """Fill ``chosen`` (p, 2) platform after platform, each best given the others, until none changes.
+    """Fill ``chosen`` (p, 2) platform by platform, each with its best point given the others, until none changes.
 
-    In the first sweep a platform takes account only of those before it. Returns the cost.
+    In the first sweep a platform considers only the platforms before it. Returns the cost.
     """
     if tables[2][0, 0] < np.inf:
         return search_folded(V, H, tables, sizes, weights, backwards, chosen, W, v, nn)
@@ -238,7 +243,7 @@ def search(V, H, tables, sizes, weights, backwards, chosen, W, rest, v, nn):
 
 @kernel
 def best_of_two(V, H, tables, sizes, weights, chosen, other, W, rest, v, nn):
-    """Fill ``chosen`` (p, 2) by the better of a forward and a backward search; returns the cost."""
+    """Fill ``chosen`` (p, 2) with the better result of a forward and a backward search; returns the cost."""
     cost = search(V, H, tables, sizes, weights, False, chosen, W, rest, v, nn)
     if chosen.shape[0] > 1:
         second = search(V, H, tables, sizes, weights, True, other, W, rest, v, nn)
@@ -265,7 +270,7 @@ def best_settings(step, mean, P, looks, axes, sizes, weights, scene, chosen, nn)
 
 @kernel
 def worth(totals, threshold):
-    """Least share, at most ``threshold``, and sum of the targets' totals (t,): the two values that are compared."""
+    """Least of the targets' totals (t,), at most ``threshold``, and their sum: the two values that are compared."""
     least, total = np.inf, 0.0
     for t in range(totals.shape[0]):
         least = min(least, totals[t])
@@ -275,7 +280,7 @@ def worth(totals, threshold):
 
 @kernel
 def best_addition(others, radar, camera, sizes, threshold, totals):
-    """Best grid point of one platform, added to ``others`` (t,): feasibility first, then the greatest sum.
+    """Best grid point of one platform in addition to ``others`` (t,): feasible points first, then the greatest sum.
 
     radar (t, g): information of range and range-rate; camera (t, g): of the azimuth.
     """
@@ -316,9 +321,9 @@ def own_best(radar, camera, sizes, weights, chosen):
 
 @kernel
 def ascend(radar, camera, sizes, threshold, backwards, chosen, others, totals):
-    """Choose platform after platform, each best given the others, until none changes.
+    """Choose platform by platform, each with its best point given the others, until none changes.
 
-    chosen (p, 2): -1 where a platform has not chosen yet; radar, camera (p, t, g).
+    chosen (p, 2): -1 if a platform has not chosen yet; radar, camera (p, t, g).
     """
     platforms = chosen.shape[0]
     for _ in range(SWEEPS):
@@ -337,8 +342,8 @@ def ascend(radar, camera, sizes, threshold, backwards, chosen, others, totals):
 def choose(radar, camera, sizes, threshold, tried, chosen, weights, others, totals):
     """Fill ``chosen`` (p, 2) with the best of all STARTS; returns its least share, at most ``threshold``.
 
-    The first start has the greatest possible sum, so no other is tried where it is feasible. Later starts give more
-    weight to targets that received less before, as a Lagrangian's multipliers do.
+    The first start has the greatest possible sum, so no other start is tried if it is feasible. Later starts give more
+    weight to targets that received less information before, like the multipliers of a Lagrangian.
     """
     share, gain = -np.inf, -np.inf
     weights[:] = 1.0
@@ -363,9 +368,9 @@ def choose(radar, camera, sizes, threshold, tried, chosen, weights, others, tota
 
 @kernel
 def most_information(step, mean, P, looks, axes, sizes, threshold, scene, chosen, feasible, nn):
-    """Fill ``chosen`` (e, p, 2): nearly the most information that gives every target at least ``threshold``.
+    """Fill ``chosen`` (e, p, 2) with nearly the most information that gives every target at least ``threshold``.
 
-    feasible (e,): whether such a choice was found; where not, the choice favours the worst-off target.
+    feasible (e,): whether such a choice was found. If not, the choice favours the target with the least information.
     """
     (count, platforms), targets, n = chosen.shape[:2], mean.shape[1], len(nn)
     rows, points = 3 * platforms, axes.shape[1]

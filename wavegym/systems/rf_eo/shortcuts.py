@@ -1,4 +1,4 @@
-"""What schedulers can do faster with RF/EO platforms, and a step in compiled form."""
+"""Shortcuts of schedulers for RF/EO platforms, and a step in compiled form."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from wavegym.systems.rf_eo import kernels, plan_kernels, search_kernels
 from wavegym.systems.rf_eo.state import Belief, Truth, World, received_fields, received_values
 from wavegym.systems.rf_eo.system import NN, RfEo
 
-PROPOSED = ((60e3, 10e6, 1e-3), (40e3, 5e6, 1e-3))  # the non-adaptive settings
+PROPOSED = ((60e3, 10e6, 1e-3), (40e3, 5e6, 1e-3))  # the non-adaptive settings: PRF in Hz, B in Hz, pixel angle in rad
 
 
 @shortcuts.fused_transition.register(RfEo)
 def fused_transition(system: RfEo, state: State, action: Array, world: World) -> State:
     """One step: targets move, platforms take their settings and measure, the filter updates.
 
-    By its parts with recorded targets, or with another tracker.
+    With recorded targets, or with another tracker, the step is played by its parts.
     """
     if system._own_tracker or system.truth_model._recorded:
         return system.composed_transition(state, action, world)
@@ -40,13 +40,13 @@ def fused_transition(system: RfEo, state: State, action: Array, world: World) ->
 
 @shortcuts.linear_cost.register(RfEo)
 def linear_cost(system: RfEo) -> LinearCost:
-    """All targets move alike."""
+    """F and Lambda, which are the same for all targets."""
     return LinearCost(system.motion.F, system.weights)
 
 
 @shortcuts.best_action.register(RfEo)
 def best_action(system: RfEo, belief: Belief) -> Array:
-    """The one-step scheduler's choice, platform after platform until none changes; for a box, on a fine grid."""
+    """The one-step scheduler's choice, platform by platform until none changes; on a fine grid if actions are a box."""
     chosen = np.empty((len(belief.step), len(system.platforms), 2), np.int64)
     sent = system.action_set
     search_kernels.best_settings(
@@ -61,12 +61,13 @@ def most_information(system: RfEo, belief: Belief, threshold: float | None = Non
     """The paper's choice on the same grid: the greatest total information that gives every target at least t.
 
     Args:
+        system: the system.
         belief: the belief.
         threshold: t; None for the system's ``threshold``.
 
     Returns:
-        Actions (env, ...), and whether t was reached, (env,) bool. Where it was not, the choice maximises the
-        information of the worst-off target.
+        Actions (env, ...), and whether t was reached, (env,) bool. If not, the choice maximises the information of the
+        target that has the least.
 
     Raises:
         InputError: a threshold that is negative or not a number.
@@ -86,7 +87,7 @@ def most_information(system: RfEo, belief: Belief, threshold: float | None = Non
 
 @shortcuts.plan.register(RfEo)
 def plan(system: RfEo, belief: Belief, depth: int) -> tuple[Array, Array]:
-    """A good sequence of ``depth`` choices: the one-step scheduler's, improved by one grid point at a time.
+    """A good sequence of ``depth`` choices: that of the one-step scheduler, improved one grid point at a time.
 
     Returns:
         The first actions (env, ...), and the predicted cost of the whole sequence (env,).
@@ -102,7 +103,7 @@ def plan(system: RfEo, belief: Belief, depth: int) -> tuple[Array, Array]:
 
 @shortcuts.measured_fields.register(RfEo)
 def measured_fields(system: RfEo) -> MeasuredFields:
-    """What the platforms reported last of each target; where they look, if they turn."""
+    """The platforms' last report of each target, and their look directions if they turn."""
     looked = "azimuth, clockwise from +y, to which platform {} looks"
     numbers = range(1, len(system.platforms) + 1) if system.slew_rate > 0.0 else ()
     looks = tuple(ObservationField(f"look_{j}", "rad", 0.0, 1.8, looked.format(j)) for j in numbers)
@@ -116,7 +117,7 @@ def _looks(belief: Belief, count: int) -> Array:
 
 @shortcuts.named_constants.register(RfEo)
 def named_constants(system: RfEo) -> dict[str, Array]:
-    """``proposed``: the non-adaptive settings, where the box contains them and no platform turns."""
+    """``proposed``: the non-adaptive settings, if the box contains them and no platform turns."""
     if system.action != "box" or system.slew_rate > 0.0 or len(system.platforms) != len(PROPOSED):
         return {}
     settings = np.array(PROPOSED)

@@ -1,4 +1,4 @@
-"""Targets before RF/EO platforms: tape, truth, belief, and observation fields."""
+"""The state of the RF/EO loop: tape, truth, measurements, belief, and observation fields."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from wavegym.core.system import ObservationField
 
 QUANTITIES = (("range", "m", 3.5, 1.0), ("range_rate", "m/s", 0.5, 1.5), ("azimuth", "rad", -0.5, 1.0))
 SPREADS = (("r", "m", 1.0, 1.0), ("rdot", "m/s", -0.5, 1.0), ("az", "rad", -3.0, 1.5))
-SOON = 10  # steps ahead in which coming and going is observed
+SOON = 10  # steps; a longer time until a target comes or goes is observed as this
 
 
 class World(NamedTuple):
     """One episode's tape, all standard normal."""
 
-    start: Array  # (target, 4) error of the first estimate, where it is drawn
-    process: Array  # (H, target, 4) manoeuvres
+    start: Array  # (target, 4) error of the first estimate, if it is drawn
+    process: Array  # (H, target, 4) process noise
     error: Array  # (H, platform, target, 3) measurement errors
 
 
@@ -28,16 +28,16 @@ class Truth(NamedTuple):
     targets: Array  # (env, target, 4)
     received: Array  # (env, target) int: measured quantities of the last step
     unseen: Array  # (env, target) int: steps since the last measurement
-    share: Array  # (env,) least weighted information of any target, as predicted for the last settings
-    window: Array | None = None  # (env, target) int: window of a recording; None where targets follow the motion model
+    share: Array  # (env,) least weighted information of any target, predicted for the last settings
+    window: Array | None = None  # (env, target) int: window of a recording; None if targets follow the motion model
 
 
 class Measurements(NamedTuple):
-    """What the platforms report of one step, platform after platform: range (m), range-rate (m/s), azimuth (rad)."""
+    """The platforms' measurements in one step, platform by platform: range (m), range-rate (m/s), azimuth (rad)."""
 
-    z: Array  # (env, target, 3 platforms), 0 where nothing was received
-    variance: Array  # (env, target, 3 platforms) of their errors as the tracker assumes it; infinite: not received
-    information: Array  # (env,) least weighted information of any target, as predicted for the settings
+    z: Array  # (env, target, 3 platforms), 0 for quantities that were not received
+    variance: Array  # (env, target, 3 platforms) of the errors as the tracker assumes it; infinite: not received
+    information: Array  # (env,) least weighted information of any target, predicted for the settings
     present: Array  # (env, target) bool: targets in the scene
 
 
@@ -48,12 +48,12 @@ class Belief(NamedTuple):
     mean: Array  # (env, target, 4)
     covariance: Array  # (env, target, 4, 4)
     looks: Array  # (env, platform) rad: look directions, clockwise from +y
-    memory: Any = None  # of a tracker that has one; None otherwise, and in prediction
-    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as the tracker believes it; None: Q
+    memory: Any = None  # of a tracker with a memory; otherwise, and in predictions, None
+    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as the tracker assumes it; None: Q
 
 
 def received_fields(targets: int, platforms: int) -> tuple[ObservationField, ...]:
-    """What each platform reported of each target, in the order of ``received_values``."""
+    """Fields of each platform's report of each target, in the order of ``received_values``."""
     listed = []
     for t in range(1, targets + 1):
         for j in range(1, platforms + 1):
@@ -71,7 +71,7 @@ def received_fields(targets: int, platforms: int) -> tuple[ObservationField, ...
 
 
 def received_values(measurements: Any) -> Array:
-    """Values of ``received_fields``, (env, fields), of measurements with z and variance (env, target, 3 platforms)."""
+    """Values of ``received_fields``, (env, fields), for measurements with z and variance (env, target, 3 platforms)."""
     z, variance = measurements[:2]
     received = np.isfinite(variance).reshape(*z.shape[:2], -1, 3)
     values = z.reshape(received.shape).copy()
@@ -81,9 +81,9 @@ def received_values(measurements: Any) -> Array:
 
 
 def platform_fields(targets: int, platforms: int) -> tuple[ObservationField, ...]:
-    """Each target's uncertainty, and the predicted measurements of it at each platform, one step ahead.
+    """Each target's uncertainty, and its predicted measurements at each platform, one step ahead.
 
-    In the order in which ``kernels.observe`` fills them.
+    ``kernels.observe`` fills the fields in this order.
     """
     listed = []
     for t in range(1, targets + 1):
@@ -112,7 +112,7 @@ def platform_fields(targets: int, platforms: int) -> tuple[ObservationField, ...
 
 
 def direction_fields(targets: int, platforms: int) -> tuple[ObservationField, ...]:
-    """For platforms that turn: to which side of its look direction each sees each target."""
+    """For platforms that turn: the direction of each target relative to the look direction of each platform."""
     return tuple(
         ObservationField(
             f"azimuth_off_look_{t}_{j}", "rad", 0.0, 1.0,
@@ -124,7 +124,7 @@ def direction_fields(targets: int, platforms: int) -> tuple[ObservationField, ..
 
 
 def presence_fields(targets: int) -> tuple[ObservationField, ...]:
-    """For targets that come and go: whether each is in the scene one step ahead, and when that changes."""
+    """For targets that come and go: whether each is in the scene one step ahead, and in how many steps that changes."""
     listed = []
     for t in range(1, targets + 1):
         where = f"1 if target {t} is in the scene one step ahead, else 0"
@@ -137,7 +137,7 @@ def presence_fields(targets: int) -> tuple[ObservationField, ...]:
 
 
 def own_fields(targets: int, platform: int, turning: bool) -> tuple[str, ...]:
-    """The names of the observation fields of one platform, counted from 1."""
+    """The names of the observation fields of one platform; platforms are numbered from 1."""
     names = [f"log10_{name}" for name, *_ in QUANTITIES] + [f"log10_sigma_{short}" for short, *_ in SPREADS]
     names += ["azimuth_off_look"] * turning
     return tuple(f"{name}_{t}_{platform}" for t in range(1, targets + 1) for name in names)

@@ -48,7 +48,7 @@ from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker,
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
 LOST_AFTER = 10  # steps without any measurement
-# Sets of range, range-rate and azimuth that a platform may receive together, all three first; (7, 3) bool.
+# Sets of range, range-rate and azimuth that a platform may receive together, (7, 3) bool. All three come first.
 TOGETHER = np.array(list(product((True, False), repeat=3))[:-1])
 
 
@@ -60,42 +60,43 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         Each target's state is [x xdot y ydot] (m, m/s). It moves as x_{k+1} = A x_k + w_k with white-noise acceleration
         of density q (eq. 2). Platform j measures range, range-rate and azimuth of every target (eqs. 4 to 6) with the
         variances (c / 2B)^2 / 12, (lambda PRF / (2 Nfft))^2 / 12 and alpha^2 / 12. It receives only quantities inside
-        its field of view: r <= c / (2 PRF), |rdot| <= lambda PRF / 4, |azimuth| <= Npix alpha / 2. So a high PRF covers
-        fast targets, a low PRF distant targets, and a wide image has coarse pixels. As in the paper, quantities beyond
-        the unambiguous interval of range or range-rate are not received. With ``folding`` they are received folded, as
-        in a real radar.
+        its field of view: r <= c / (2 PRF), |rdot| <= lambda PRF / 4, |azimuth| <= Npix alpha / 2. A high PRF covers
+        fast targets, a low PRF covers distant targets, and a wide image has coarse pixels. As in the paper, quantities
+        beyond the unambiguous interval of range or range-rate are not received. With ``folding`` they are received
+        folded, as in a real radar.
 
         An extended Kalman filter in information form (eqs. 8 to 11) updates each target with the quantities received.
-        Where the prior is so wide that a single linearisation would mislead, the filter iterates. Where the posterior
-        is as wide too, as after a range alone, the filter adds the curvature to the noise (posterior linearisation).
+        If the prior is too wide for a single linearisation, the filter iterates. If the posterior is too wide as well,
+        as after a range alone, the filter adds the linearisation error to the noise (posterior linearisation).
         Schedulers predict the covariance with a variance that grows at the edge of the field of view (eqs. 12 and 13).
 
-        A ``tracker`` of your own takes a scan of each platform for each set of quantities that were received together:
-        range, range-rate and azimuth of some targets, the azimuth alone of others. Azimuths count from the platform's
-        first look direction and are within pi of the estimate's. Folded quantities come unfolded if their fold is
-        certain.
+        A ``tracker`` of your own receives one scan of each platform for each set of quantities that were received
+        together: for example, range, range-rate and azimuth of some targets, and only the azimuth of others. Azimuths
+        count from the platform's first look direction and are within pi of the estimated azimuth. Folded quantities are
+        unfolded first, and are left out if their fold is not certain.
 
         With a ``slew_rate`` an action also turns each platform's look direction, by at most slew_rate dt, before the
         platform measures. Otherwise the look direction is fixed.
 
         With ``births`` and ``lifetime`` targets come and go. A target is first measured, and first counts in the cost,
-        one step after its birth. Tracker and schedulers know both times in advance, and the first estimate.
+        one step after its birth. The tracker and the schedulers know both times and the first estimate in advance.
 
         With ``folding``, range is received modulo c / (2 PRF) and range-rate modulo lambda PRF / 2. The radar receives
         neither if the echo overlaps even partly with a transmitted pulse (``duty``), or if the folded range-rate lies
         in the clutter notch (``notch``). Error variances do not depend on the SNR here, so a partly eclipsed echo
         counts as lost. The filter uses a range or a range-rate only if every other fold is exp(5^2 / 2) times less
-        likely than the nearest one, because one Gaussian for each target cannot hold several folds. Schedulers predict
-        the expected covariance, weighted with the probabilities that the target is seen and that its fold is certain.
+        likely than the nearest one, because one Gaussian for each target cannot represent several folds. Schedulers
+        predict the expected covariance, weighted with the probabilities that the target is seen and that its fold is
+        certain.
 
     Rewards
-        -trace(W P) summed over the targets in the scene, W = diag(weights) or a full matrix: m^2, with 1 s^2 on the
-        velocities.
+        -trace(W P) summed over the targets in the scene, in m^2. W is diag(weights) or a full matrix. The weights of
+        velocities are in s^2.
 
     Starting state
         True targets start at ``starts``. With ``first_estimate="halfway"`` the estimates lie at half the true
         coordinates and have zero velocity (the paper's "about midway"). With ``"drawn"`` they are drawn around the
-        truth with covariance P0. P0 = diag(prior_variance).
+        truth with covariance P0 = diag(prior_variance).
 
     Episode end
         Truncated after ``horizon`` steps: tracking would continue, and no resource runs out.
@@ -111,12 +112,12 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
-        """The action set: per platform, joint, or a box."""
+        """The action set: an index for each platform, a joint index, or a box."""
         return self.action_set.actions
 
     @property
     def decision_makers(self) -> tuple[DecisionMaker, ...]:
-        """Every platform; its observation fields are the predicted measurements of the targets from there."""
+        """The platforms; each observes the predicted measurements of all targets at its own place."""
         makers, targets = makers_by_form(self.actions, "platform"), len(self.starts)
         turning = self.slew_rate > 0.0
         return tuple(maker._replace(fields=own_fields(targets, j, turning)) for j, maker in enumerate(makers, 1))
@@ -152,7 +153,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         return self._scene._replace(Q=for_kernel(belief.process_noise))
 
     def target_ranges(self, world: World) -> Array:
-        """Of every target at every platform, (env, target, step, platform, 2)."""
+        """Range and range-rate of every target at every platform, (env, target, step, platform, 2)."""
         return ranges_of_moving_targets(self, world, self.platforms)
 
     def draw_world(self, rng: np.random.Generator) -> World:
@@ -209,7 +210,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         return truth._replace(targets=moved)
 
     def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
-        """What the platforms receive of every target with the settings ``action``."""
+        """The platforms' measurements of every target with the settings ``action``."""
         count, targets = belief.mean.shape[:2]
         z, share = np.empty((count, targets, 3 * len(self.platforms))), np.empty(count)
         variance = np.empty(z.shape)
@@ -230,7 +231,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         return Belief(belief.step + 1, x, P, settings[..., 3].copy())
 
     def _tracked(self, tracker: Tracker, belief: Belief, settings: Array, z: Array, variance: Array) -> Belief:
-        """``track`` by the given tracker, platform after platform."""
+        """``track`` with a user's tracker, platform by platform."""
         before = Estimate(belief.mean, belief.covariance, belief.memory, belief.process_noise)
         now = tracker.predict(before, self.motion)
         if self._come_and_go:
@@ -252,10 +253,10 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         """The scans of the platform at ``place``, one for each set of quantities that were received together.
 
         Args:
-            now: the estimate before them.
+            now: the estimate before these scans.
             place: (x, y) and the direction from which azimuths count, (3,).
-            z, variance: measurements and their variances, infinite where nothing was received, (env, target, 3).
-            turned: the direction from which azimuths were measured, less that of ``place``, (env, 1).
+            z, variance: measurements and their variances, infinite for quantities not received, (env, target, 3).
+            turned: the direction from which azimuths were measured, minus the direction of ``place``, (env, 1).
         """
         azimuth = platform_measurement(now.mean, place, self.as_printed)[..., 2]
         off = z[..., 2] + turned - azimuth
@@ -273,15 +274,15 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         return scans
 
     def note(self, truth: Truth, measurements: Measurements) -> Truth:
-        """The truth with the number of quantities received, and the information that was predicted."""
+        """The truth with the number of quantities received, and the predicted information."""
         received = np.isfinite(measurements.variance).sum(axis=2)
         unseen = np.where((received > 0) | ~measurements.present, 0, truth.unseen + 1)
         return Truth(truth.targets, received, unseen, measurements.information, truth.window)
 
     def predict(self, belief: Belief, actions: Array, outcome: None = None) -> Belief:
-        """The belief one step ahead: predicted means, covariances of eq. (11) with the penalised variances.
+        """The belief one step ahead: predicted means, and covariances of eq. (11) with the penalised variances.
 
-        The tracker's process noise does not change.
+        The tracker's process noise is assumed to stay the same.
         """
         several, settings = self._settings(belief, actions)
         shape = (len(belief.step), settings.shape[1], len(self.starts))
@@ -297,7 +298,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
     def information(self, belief: Belief, actions: Array) -> Array:
         """The paper's gain tr(P C' R~^-1 C) of every target one step ahead, (env[, candidate], target).
 
-        That of a target that is not in the scene is the threshold: it lacks nothing.
+        The gain of a target outside the scene is set to the threshold, so the target needs no information.
         """
         several, settings = self._settings(belief, actions)
         gain = np.empty((len(belief.step), settings.shape[1], len(self.starts)))
@@ -308,7 +309,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         return gain if several else gain[:, 0]
 
     def _settings(self, belief: Belief, actions: Array) -> tuple[bool, Array]:
-        """Whether actions have the axis ``candidate``, and their settings (env, candidate, platform, 4)."""
+        """Whether actions have an axis of candidates, and their settings (env, candidate, platform, 4)."""
         several = actions.ndim == (2 if self.action == "joint" else 3)
         return several, self.aimed_settings(belief, actions if several else actions[:, None])
 
@@ -321,7 +322,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """The observation: each target's uncertainty, and the predicted measurements of it at each platform."""
+        """The observation: each target's uncertainty, and its predicted measurements at each platform."""
         turned = direction_fields(len(self.starts), len(self.platforms)) if self.slew_rate > 0.0 else ()
         return (*self._log_fields, *turned, *(presence_fields(len(self.starts)) if self._come_and_go else ()))
 
@@ -351,7 +352,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
 
     @cached_property
     def _decades(self) -> Array:
-        """Factors from natural logarithms to log10, halved where the kernel fills a variance for a sigma."""
+        """Factors from natural logarithms to log10, halved for fields of sigma, whose variance the kernel fills."""
         return np.array([0.5 if "sigma" in e.name else 1.0 for e in self._log_fields]) / np.log(10.0)
 
     @property
@@ -363,10 +364,10 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         """Figures of each target and of the last settings.
 
         For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4), ``received``
-        (quantities measured in this step) and ``lost`` (nothing received for more than ten steps). Where targets come
-        and go, ``present``; the figures of an absent target are 0. For the settings: ``information``, the minimum
-        predicted weighted information over the targets in the scene, and ``below_threshold``. They are 0 and False
-        before the first choice, or without a target.
+        (number of quantities measured in this step) and ``lost`` (nothing received for more than ten steps). If targets
+        come and go, also ``present``; the figures of an absent target are 0. For the settings: ``information``, the
+        minimum predicted weighted information over the targets in the scene, and ``below_threshold``. Before the first
+        choice, or without a target in the scene, they are 0 and False.
         """
         truth, belief = state
         values, flags = np.empty((3, *truth.unseen.shape)), np.empty((2, *truth.unseen.shape), np.bool_)
@@ -388,7 +389,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
 
 
 def _believed(step: Array, estimate: Estimate, looks: Array) -> Belief:
-    """The belief of a tracker's estimate."""
+    """The belief with a tracker's estimate."""
     return Belief(step, estimate.mean, estimate.covariance, looks, *estimate[2:])
 
 
@@ -398,7 +399,7 @@ def _quantities(place: Array, as_printed: bool, kept: Array, states: Array) -> A
 
 
 def _gradients(place: Array, as_printed: bool, kept: Array, states: Array) -> Array:
-    """Their derivatives, (..., kept, 4)."""
+    """Derivatives of ``_quantities`` by the state, (..., kept, 4)."""
     return platform_jacobian(states, place, as_printed)[..., kept, :]
 
 
@@ -411,13 +412,14 @@ class RfEoFar(RfEo):
         at 230 m/s, one closes at 210 m/s, and q = 1 m^2/s^3. r |rdot| exceeds c lambda / 8, so no pulse repetition
         frequency (PRF) measures both range and range-rate without ambiguity: echoes fold (``folding``).
 
-        A low PRF resolves range-rates finely, but its notch hides more of them, and its folds need a narrow prediction.
-        Every PRF has blind zones of range. So the best PRF changes as the targets move through blind zones and notches.
-        The lowest PRF is 2 kHz, at which the notch of +-10 m/s leaves a third of the range-rates.
+        A low PRF resolves range-rates finely, but its notch hides more of them, and unfolding needs a more certain
+        prediction. Every PRF has blind zones of range. The best PRF therefore changes as the targets move through blind
+        zones and notches. At the lowest PRF, 2 kHz, the radar sees a third of the range-rates; the notch of +-10 m/s
+        hides the others.
 
         Schedulers require predicted azimuths to be two standard deviations inside the image (``margin``). With
-        ``folding=False, prf=(1e3, 1e5)`` echoes beyond the unambiguous interval vanish: the range then needs at most 4
-        kHz, the range-rate at least 30 kHz.
+        ``folding=False, prf=(1e3, 1e5)`` echoes beyond the unambiguous interval are not received. A range then needs a
+        PRF of at most 4 kHz, a range-rate one of at least 30 kHz.
 
     Rewards
         As wavegym/RfEo-v0.
