@@ -201,7 +201,7 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"truth": {"arrivals": (0.0,)}}, "truth has arrivals of 1 targets, expected 2"),
     ],
     "UrbanSignal": [
-        ({"false_alarm": 1e-3}, r"false_alarm is 0\.001, expected none with fidelity='signal'"),
+        ({"false_alarm": 1e-3}, r"false_alarm is 0\.001, expected None with fidelity='signal'"),
         ({"searched": 2}, "searched is 2, expected 3 with fidelity='signal'"),
         ({"pulses": 10**8}, r"takes 100000 s, expected at most the step, .* \(nearest: 250 pulses\)"),
     ],

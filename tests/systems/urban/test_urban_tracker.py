@@ -253,7 +253,7 @@ def test_shapes_that_do_not_fit():
 )
 def test_another_tracker_s_tracks_are_refused(other):
     for use in (lambda tracks: TRACKER.scan(tracks, *NOTHING, R, SNR), lambda tracks: TRACKER.expect(tracks, R, SNR)):
-        with pytest.raises(InputError, match=r"tracks\.\w+ has shape .*: this tracker's"):
+        with pytest.raises(InputError, match=r"tracks\.\w+ has shape .*for this tracker"):
             use(other.empty(1))
 
 

@@ -1,7 +1,7 @@
 """Kernels of the urban loop: a scan (targets over all paths, clutter), its signals, observation, cost and key figures.
 
 Shapes of tracks: e environments, s slots, t targets, M models, n = 6 states; x (e, s, M, n), P (e, s, M, n, n), mu
-(e, s, M). ``state_info`` of the system says what the key figures mean.
+(e, s, M). ``state_info`` of the system explains the key figures.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -27,31 +27,32 @@ from wavegym.sensors.receiver_kernels import add_echoes, add_noise, path_delays
 from wavegym.systems.urban.tracker_kernels import CONFIRMED, EMPTY
 from wavegym.trackers.imm_kernels import combine_one
 
-CLUTTER = 10_000  # number of the random stream of clutter, beyond those of all paths
+CLUTTER = 10_000  # number of the random stream of clutter; paths have smaller numbers
 DRIVERS = 40_000  # number of the stream of the targets' random accelerations
-NOISE = 20_000  # number of the noise stream of a scan, beyond those of all paths
-BACKGROUND = 30_000  # number of the stream of the recorded background, beyond those of all scans
+NOISE = 20_000  # number of the noise stream of a scan; paths have smaller numbers
+BACKGROUND = 30_000  # number of the stream of the recorded background; scans have smaller numbers
 
 
 class SensorLaw(NamedTuple):
-    """How the world's receivers measure."""
+    """Constants of the receivers' measurements in the world."""
 
     density: float  # expected false returns per (m x m/s)
     log_false_alarm: float
     detection_table: Any  # of detection.detection_table
     snr_table: Any  # of detection.detected_snr_table; empty: errors at the mean SNR
     rate_floor: float  # standard deviation of range-rate in addition to its noise, m/s
-    reach: float  # half path length beyond which nothing is received, m
+    reach: float  # half path length beyond which no echo is received, m
     elements: int  # of each array
     limit: float  # greatest unambiguous range-rate, m/s
 
 
 @kernel
 def move_targets(keys, scans, before, route, present, F, g, sigma, after):
-    """after (env, target, 6): the targets in scan ``scans[e]``, from those ``before`` in the last scan.
+    """Fill after (env, target, 6): the targets in scan ``scans[e]``, from ``before``, those of the last scan.
 
-    A target is its place on the route (scan, target, 6) and a deviation, which starts at 0 when the target arrives:
-    see ``drivers.deviation_model`` for F and g. sigma: standard deviation of the random acceleration on each axis.
+    The state of a target is its place on the route (scan, target, 6) plus a deviation, which starts at 0 when the
+    target arrives. F and g: see ``state.deviation_model``. sigma: standard deviation of the random acceleration on each
+    axis.
     """
     for e in range(len(keys)):
         scan = scans[e]
@@ -134,7 +135,7 @@ def measure(keys, scans, targets, scene, law, wave, reference, z, count):
 
 @kernel
 def observe(step, x, P, mu, existence, status, age, centre, horizon, out):
-    """Write ``urban_fields`` of every environment to out, which holds zeros; positions relative to ``centre`` (2,)."""
+    """Write ``urban_fields`` of every environment to out, which is all zeros; positions relative to ``centre`` (2,)."""
     slots, models = mu.shape[1], mu.shape[2]
     mean, variance = np.empty(4), np.empty(4)
     for e in range(len(step)):
@@ -174,7 +175,7 @@ def receive_targets(key, scan, pair, targets, scene, factors, reference, reach, 
     """Add the echoes of targets (target, 6) over the visible paths to outputs (pulse, element, 2, delay).
 
     factors (target x slot): SNR of each path in this scan over its mean. reference: eta at 100 m. offsets, times: see
-    ``path_delays``; law: see ``add_echoes``, without its last argument. Phases are new in every scan, for every path.
+    ``path_delays``; law: see ``add_echoes``, without its last argument. Each path has a new phase in each scan.
     """
     own, slots, count = stream(stream(key, scan), pair), scene.path_index.shape[3], 0
     most = len(targets) * slots
@@ -201,9 +202,9 @@ def receive_targets(key, scan, pair, targets, scene, factors, reference, reach, 
 
 @kernel
 def receive_noise(key, scan, pair, waveform, frames, law, outputs):
-    """Add noise of a scan, less the mean noise of the recorded background, to outputs (pulse, element, 2, delay).
+    """Add the noise of a scan, minus the mean noise of the recorded background, to outputs (pulse, element, 2, delay).
 
-    The background of a world has one mean over all pulses of ``frames`` trains for each waveform and pair. law: see
+    The background of a world has one mean for each waveform and pair, over all pulses of ``frames`` trains. law: see
     ``receiver.NoiseLaw``.
     """
     own = stream(stream(stream(key, scan), pair), NOISE)
@@ -215,9 +216,9 @@ def receive_noise(key, scan, pair, waveform, frames, law, outputs):
 def report(z, R, snr, reference, out, out_R):
     """Write measurements to out (most, m) and their covariances to out_R (most, m, m); return their number.
 
-    z (peak, 3), R (peak, 3, 3) and snr (peak,) are those of peaks. A peak that is higher than that of a direct path of
-    its range has the covariance at the SNR of that path: noise has raised it, and of the echoes near the threshold only
-    those that noise raises are detected.
+    z (peak, 3), R (peak, 3, 3) and snr (peak,) belong to the peaks. A peak may be higher than the peak of a direct path
+    of the same range. It then has the covariance at the SNR of that path, because noise has raised the peak: near the
+    threshold only echoes that noise raises are detected.
     """
     count, size = min(len(z), len(out)), out.shape[1]
     for i in range(count):
@@ -238,7 +239,7 @@ def rows_of(e, x, P):
 
 @kernel
 def costs(x, P, mu, existence, weights, absent, out, nn, mm):
-    """out (e, s): the cost of every slot, from the least one up; ``absent``: that of a track that is not there."""
+    """Fill out (e, s) with the cost of every slot, in ascending order; ``absent``: cost of an absent track."""
     slots, n = mu.shape[1], len(nn)
     mean, covariance = np.empty((slots, n)), np.empty((slots, n, n))
     for e in range(len(out)):
@@ -260,7 +261,7 @@ def distance_one(e, t, s, targets, mean):
 
 @inlined
 def nearest_one(e, t, targets, sure, mean):
-    """Distance of target t from the nearest confirmed track, infinite without one, and the slot of this track."""
+    """Distance of target t from the nearest confirmed track, and its slot; infinite if no track is confirmed."""
     least, near = np.inf, 0
     for s in range(sure.shape[1]):
         distance = distance_one(e, t, s, targets, mean) if sure[e, s] else np.inf
@@ -293,7 +294,7 @@ def squared_error(e, t, s, targets, mean, covariance, off):
 def figures(
     step, x, P, mu, status, targets, present, number, direct, within, values, flags, counts, sure, places, nn, mm
 ):
-    """Fill the figures of targets, the counts of a scan, and which tracks are confirmed, with their places.
+    """Fill the figures of targets, the counts of a scan, the flags of confirmed tracks and their places.
 
     targets (e, t, n), present (e, t), number (e, pair): the truth. direct (scan, t): whether the direct paths are
     visible. within: greatest distance at which a track holds a target, m. values (3, e, t): position error, position

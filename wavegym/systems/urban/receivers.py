@@ -25,15 +25,15 @@ class UrbanReceivers:
 
     Each receiver subtracts the mean of ``FRAMES`` trains that it recorded without targets. Walls and trees do not move,
     so their echoes cancel and are never computed. The noise of the recording remains. The paper subtracts mean
-    magnitudes of images; a mean of complex signals keeps a target that coincides with the echo of a wall.
+    magnitudes of images. A mean of complex signals preserves a target that coincides with the echo of a wall.
 
     Args:
-        pairs: each transmitter with each receiver.
+        pairs: all pairs of a transmitter and a receiver.
         scene: targets and their propagation paths.
         arrays: signal chain of each waveform.
         snr: eta of each waveform at 100 m, (waveform,).
-        density: noise peaks above the threshold, per (m x m/s).
-        fluctuation: of the echo of each path from scan to scan, see ``wavegym.sensors.detection``.
+        density: expected noise peaks above the threshold, per (m x m/s).
+        fluctuation: model of the fluctuation of each path's echo from scan to scan, see ``wavegym.sensors.detection``.
     """
 
     pairs: Sequence[Multistatic]
@@ -52,7 +52,7 @@ class UrbanReceivers:
         """One scan of every environment, as ``kernels.measure``: z (env, pair, most, m), count (env, pair).
 
         targets: (env, target, 6). sent: index of the waveform that the transmitter of each pair sends, (env, pair).
-        R (env, pair, most, m, m) receives the covariances that are fitted to the peaks, see ``kernels.report``.
+        R (env, pair, most, m, m) is filled with the covariances of the fits to the peaks, see ``kernels.report``.
         """
         factors = self._factors(keys, scans)
         for e, (key, scan) in enumerate(zip(keys, scans, strict=True)):
@@ -63,13 +63,13 @@ class UrbanReceivers:
                 count[e, m] = kernels.report(*found, self.snr[waveform], z[e, m], R[e, m])
 
     def scan(self, key: np.uint64, scan: int, targets: Array, waveform: int, m: int) -> Peaks:
-        """Measurements of pair m in one scan of one environment with the targets (target, 6)."""
+        """Peaks of pair m in one scan of one environment with the targets (target, 6)."""
         return self._peaks(self.outputs(key, scan, targets, waveform, m), waveform)
 
     def outputs(self, key: np.uint64, scan: int, targets: Array, waveform: int, m: int) -> Array:
-        """Outputs of the matched filters of pair m in one scan, less the mean of the recording.
+        """Outputs of the matched filters of pair m in one scan, minus the mean of the recording.
 
-        An echo has the mean SNR of the measurement level. Phase and fluctuation are new in every scan, for every path.
+        An echo has the same mean SNR as at the measurement level. Each path has a new phase and amplitude in each scan.
 
         Returns:
             (pulse, element, 2, delay cell), as ``ArrayReceiver.receive``.
@@ -78,7 +78,7 @@ class UrbanReceivers:
         return self._outputs(key, scan, targets, waveform, m, factors)
 
     def _factors(self, keys: Array, scans: Array) -> Array:
-        """SNR of every path over its mean in one scan of each environment, (env, pair, target x slot)."""
+        """Ratio of each path's SNR to its mean in one scan of each environment, (env, pair, target x slot)."""
         _, _, targets, slots = self.scene.path_index.shape
         draws = np.empty((len(keys), len(self.pairs), targets * slots))
         kernels.fluctuation_draws(keys, scans, draws)

@@ -1,8 +1,9 @@
 """Kernels of ``tracker.py``: one scan of all tracks, the expected effect of a scan, ghosts, and track management.
 
-A ghost is where the map predicts the returns of a track over walls. A track starts where free measurements of the first
-two receivers agree. Without direction of arrival two range ellipses intersect (multilateration); with it a track is the
-least-squares fit to both measurements.
+A ghost is a return of a track over walls, predicted with the map. A track starts where free measurements of the first
+two receivers agree. A measurement is free if it lies in the gate of no track. Without direction of arrival, the track
+starts where two range ellipses intersect (multilateration). With it, the track is the least-squares fit to both
+measurements.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -49,10 +50,10 @@ ROUNDS = 3  # Gauss-Newton steps of the fit of a new track
 
 @kernel
 def scan(x, P, mu, existence, status, age, constants, wave, reference, z, errors, count, refused, nn, mm, ll):
-    """One scan of all environments, in place: wave (env, pair, 2, 2), z (env, pair, measurement, m).
+    """Update all tracks by one scan, in place: wave (env, pair, 2, 2), z (env, pair, measurement, m).
 
-    errors (env, pair, measurement, m, m): covariances that the receivers give, without the floor of range-rate.
-    refused (env,): tracks that found no free slot.
+    errors (env, pair, measurement, m, m): covariances that the receivers report, without the floor of range-rate.
+    refused (env,): number of new tracks that found no free slot.
     """
     slots, pairs, most = mu.shape[1], z.shape[1], z.shape[2]
     scratch, rows = scratch_for(slots, len(mm), len(nn), len(ll)), slots * len(mm)
@@ -93,9 +94,9 @@ def scan(x, P, mu, existence, status, age, constants, wave, reference, z, errors
 
 @kernel
 def expect(x, P, mu, existence, status, age, constants, wave, reference, nn, mm, ll):
-    """Expected effect of a scan, in place: covariances shrink in proportion to the detection probability.
+    """Apply the expected effect of a scan, in place: covariances shrink in proportion to the detection probability.
 
-    Means, model probabilities and existence stay as predicted.
+    Means, model probabilities and existence keep their predicted values.
     """
     scratch = scratch_for(mu.shape[1], len(mm), len(nn), len(ll))
     predicted = predicted_for(mu.shape[1], len(mm), len(nn), len(ll))
@@ -116,11 +117,11 @@ def expect(x, P, mu, existence, status, age, constants, wave, reference, nn, mm,
 
 @kernel
 def claim_ghosts(tracks, constants, pair, wave, reference, z, count, ghosts, claims, scratch, nn, mm, ll):
-    """ghosts[i] += density of ghost returns at measurement i: paths of confirmed tracks over walls.
+    """Add to ghosts[i] the density of ghost returns at measurement i: paths of confirmed tracks over walls.
 
-    As another track does in LMIPDA, a path acts as clutter around its predicted return, with the detection probability
-    that its walls leave. The innovation covariance is linearised at the mean of the track. claims (measurement,) is
-    scratch space.
+    A path counts as clutter around its predicted return, like another track in LMIPDA. Its detection probability
+    includes the loss at its walls. The innovation covariance is linearised at the mean of the track. claims
+    (measurement,) is scratch space.
     """
     mean, P = scratch.x, scratch.P
     for t in range(len(tracks.mu)):
@@ -174,9 +175,10 @@ def claim_path(
 
 @kernel
 def end_ghosts(tracks, constants, wave, reference, scratch, nn, mm, ll):
-    """Set the existence of each tentative track to 0 that all receivers would see as a ghost of another track.
+    """Set the existence of a tentative track to 0 if it is a ghost of another track at all receivers.
 
-    Existence probabilities alone are slow: a ghost whose target is found a scan later is as certain as its target.
+    Existence probabilities alone react too slowly: if the target is found one scan after its ghost, both are about
+    equally certain.
     """
     for s in range(len(tracks.mu)):
         if tracks.status[s] == TENTATIVE:
@@ -193,7 +195,7 @@ def end_ghosts(tracks, constants, wave, reference, scratch, nn, mm, ll):
 
 @inlined
 def is_ghost(s, t, pair, constants, wave, reference, scratch, ll):
-    """Whether the direct return of track s lies within the gate of a return of track t over walls."""
+    """Whether the direct return of track s lies in the gate of a return of track t over walls."""
     mean, P, h, H, L = scratch.x, scratch.P, scratch.h, scratch.H, scratch.L
     i, j = cell_of(mean[t, 0], mean[t, 1], constants)
     if i < 0:
@@ -252,7 +254,7 @@ def initiate(tracks, constants, z, R, count, taken, scratch, mm, ll):
 
 @inlined
 def cross_start(k, za, zb, Ra, Rb, constants, scratch):
-    """Crossing k (0, 1) of two range ellipses, and its velocity: fills start and start_spread; whether it may start."""
+    """Fill start and start_spread with crossing k (0, 1) of two range ellipses; whether a track may start there."""
     x, P, J = scratch.start, scratch.start_spread, scratch.J[0]
     tx, rx = constants.transmitters[0], constants.receivers
     locate_one(za, zb, Ra, Rb, tx[0], tx[1], rx[0, 0], rx[0, 1], rx[1, 0], rx[1, 1], 2.0 * k - 1.0, 0, x, P, J)
@@ -264,7 +266,7 @@ def cross_start(k, za, zb, Ra, Rb, constants, scratch):
 
 @inlined
 def locate_by_direction(z, pair, side, constants):
-    """Where the range ellipse of z meets its direction of arrival, left (side 1) or right (-1) of the array's axis.
+    """The point of z's range ellipse in its direction of arrival, left (side 1) or right (-1) of the array's axis.
 
     With d the unit vector of arrival, s the receiver, t the transmitter, c = s - t: |c + rho d| = 2 r - rho.
     """
@@ -278,11 +280,11 @@ def locate_by_direction(z, pair, side, constants):
 
 @kernel
 def fit_start(k, za, zb, Ra, Rb, constants, scratch, ll):
-    """Least-squares state of two measurements and the prior velocity: fills start, start_spread; whether it may start.
+    """Fill start, start_spread by least squares of two measurements and the prior velocity; whether a track may start.
 
-    Gauss-Newton from the place where the receiver that sees the target nearer to broadside places it, left or right of
-    its array (k = 0, 1): the other receiver tells the target from its mirror image. A fit whose residuals exceed their
-    chi-square gate (6 measured quantities, 2 prior ones, 4 unknowns) starts no track.
+    Gauss-Newton steps begin at a place left or right of an array (k = 0, 1). The array is that of the receiver whose
+    direction of arrival is nearer to broadside. The other receiver tells the target from its mirror image. A fit whose
+    residuals exceed their chi-square gate (6 measured quantities, 2 prior ones, 4 unknowns) starts no track.
     """
     x, P, J = scratch.start, scratch.start_spread, scratch.J
     x[0, 2] = x[0, 3] = 0.0
@@ -332,7 +334,7 @@ def add_information(z, R, pair, x, constants, scratch, ll):
 
 @inlined
 def invert(J, P, A):
-    """P[0] = J[0]^-1 for a positive definite J[0] (4, 4); NaN for any other."""
+    """Fill P[0] = J[0]^-1 for a positive definite J[0] (4, 4); NaN if J[0] is not positive definite."""
     cholesky_columns_one(0, 0, J, A, (0, 0, 0, 0), (0, 0, 0, 0))
     for k in range(4):  # A[0]^-1 in place of the columns of the upper triangle of A[1]
         for i in range(4):
@@ -349,7 +351,7 @@ def invert(J, P, A):
 
 @inlined
 def apply_velocity_prior(x, P, e, variance, v, nn):
-    """Update x[e], P[e] with the prior that xdot and ydot have mean 0 and ``variance``; v (4,) is scratch space."""
+    """Update x[e], P[e] with the prior of xdot and ydot: mean 0 and ``variance``; v (4,) is scratch space."""
     for k in range(2, 4):
         total, own = P[e, k, k] + variance, x[e, k]
         for i in range(4):
@@ -372,7 +374,7 @@ def slot_for(tracks):
 
 @inlined
 def begin_track(t, state, P, tracks, constants, mm):
-    """Start a tentative track at state (4,), covariance P (4, 4), acceleration 0 and equally likely allowed models."""
+    """Start a tentative track: state (4,), covariance P (4, 4), acceleration 0 and equally likely allowed models."""
     i, j = cell_of(state[0], state[1], constants)
     place = NEAR if constants.junction[i, j] else ELSEWHERE
     possible = 0
@@ -403,7 +405,7 @@ def near_road(x, distance, constants):
 
 @inlined
 def may_start(x, P, constants):
-    """Whether x[0] is on a road visible to all antennas, and known well enough."""
+    """Whether x[0] is on a road, visible to all antennas, and its covariance is small enough."""
     if not near_road(x, 0.0, constants):
         return False
     i, j = cell_of(x[0, 0], x[0, 1], constants)
@@ -414,7 +416,7 @@ def may_start(x, P, constants):
 
 @inlined
 def end(t, tracks, mm):
-    """Empty a slot."""
+    """End a track: empty its slot."""
     tracks.status[t] = EMPTY
     tracks.existence[t] = 0.0
     tracks.age[t] = 0
@@ -426,7 +428,7 @@ def end(t, tracks, mm):
 def off_road(t, a, b, tracks, constants, mm):
     """Whether a track is farther from all roads than its own uncertainty explains.
 
-    The mirror image of a target moves into a building when the target turns.
+    Such a track is a mirror image: when a target turns, its mirror image moves into a building.
     """
     i, j = cell_of(a, b, constants)
     if i < 0:
@@ -440,7 +442,7 @@ def off_road(t, a, b, tracks, constants, mm):
 
 @kernel
 def update_status(tracks, constants, mm):
-    """Confirm, end and merge tracks: of two at one place the tentative one ends, of equal status the younger one."""
+    """Confirm, end and merge tracks. Of two tracks at one place the tentative one ends; of equal status the younger."""
     for t in range(len(tracks.mu)):
         if tracks.status[t] == EMPTY:
             continue

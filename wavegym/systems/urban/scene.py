@@ -31,7 +31,7 @@ BY_WALLS: dict[str, Any] = {"marker": "+", "markersize": 5, "markeredgewidth": 1
 EXPECTED: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 8, "fillstyle": "none"}
 SHADES = ("slategray", "goldenrod", "mediumseagreen", "indianred")  # of MODELS
 MOST_NAMED = 8  # slots with room for a number
-FAINT = 0.4  # of a tentative track
+FAINT = 0.4  # opacity of a tentative track
 LEFT: dict[str, Any] = {"left": 0.1, "right": 0.545, "top": 0.85, "bottom": 0.075}
 RIGHT: dict[str, Any] = {"left": 0.66, "right": 0.975, "top": 0.825, "bottom": 0.075}
 ON_MAP: dict[str, dict[str, Any]] = {
@@ -51,10 +51,10 @@ IN_SCAN: dict[str, dict[str, Any]] = {
 
 
 def draw_urban_map(axes: Axes, system: Urban, moment: Moment) -> None:
-    """Targets and tracks with their trails, tracks with 2 sigma ellipses; x and y to the same scale, in m.
+    """Draw targets and tracks with their trails, tracks with 2 sigma ellipses; x and y have the same scale, in m.
 
-    Lines join a target to the first transmitter and the receivers while the direct paths of the first two pairs are
-    visible.
+    While the direct paths of the first two pairs are visible, lines join the target to the first transmitter and the
+    receivers.
     """
     scene, step, now = system.truth_model.scene, len(moment.actions), moment.states[-1]
     driven = np.array([state.truth.targets[0, :, PLANE] for state in moment.states])
@@ -152,9 +152,9 @@ class UrbanScene:
 
 
 def draw_scan(axes: Axes, system: Urban, moment: Moment, receiver: int) -> None:
-    """Measurements of a receiver, exact values of each target over all visible paths, and the tracks.
+    """Draw the measurements of a receiver, the true values of each target over all visible paths, and the tracks.
 
-    All with the first transmitter. Range-rates beyond ``system.ambiguity`` are folded, as they are measured.
+    All values belong to the first transmitter. Range-rates beyond ``system.ambiguity`` are folded, as in measurements.
     """
     scene, step, now = system.truth_model.scene, len(moment.actions), moment.states[-1]
     measured = now.truth.z[0, receiver, : now.truth.number[0, receiver]]
@@ -176,7 +176,7 @@ def draw_scan(axes: Axes, system: Urban, moment: Moment, receiver: int) -> None:
 
 
 def folded(z: Array, ambiguity: float) -> Array:
-    """Range and range-rate (..., 2) as a pulse train measures them: the rate folded into [-ambiguity, ambiguity]."""
+    """Range and range-rate (..., 2) as a pulse train measures them: rates are folded into [-ambiguity, ambiguity]."""
     return np.stack([z[..., 0], geometry_kernels.folded(z[..., 1], ambiguity)], axis=-1)
 
 

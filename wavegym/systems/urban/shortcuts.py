@@ -1,4 +1,4 @@
-"""What schedulers can know of the urban loop."""
+"""Shortcuts of schedulers for the urban loop."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ from wavegym.systems.urban.system import Urban
 
 @shortcuts.baselines.register(Urban)
 def baselines(system: Urban) -> dict[str, tuple[str, dict[str, Any]]]:
-    """The baseline of the paper: round robin with one nearly-constant-velocity model."""
+    """The paper's baseline: round robin with one nearly constant velocity model."""
     return {"open-loop": ("round-robin", {"tracker": "ncv"})}

@@ -19,15 +19,15 @@ from wavegym.systems.urban import kernels
 from wavegym.targets import ScriptedPath
 from wavegym.trackers import gospa_kernels
 
-HELD_WITHIN = 20.0  # m, cutoff of GOSPA too: a confirmed track farther from a target does not hold it
-MOST = 64  # least room for the measurements of a pair in a scan
-GREATEST = 4096  # greatest room
-RETURN = 0.3  # rad/s, natural frequency at which the driver returns to the route
-DAMPING = 0.7  # of this motion, as a fraction of the critical damping
+HELD_WITHIN = 20.0  # m; a confirmed track farther from a target does not hold it; also the cutoff of GOSPA
+MOST = 64  # minimum room for the measurements of a pair in a scan
+GREATEST = 4096  # maximum room
+RETURN = 0.3  # rad/s, natural frequency of the driver's return to the route
+DAMPING = 0.7  # damping ratio of this motion: 1 is critical
 
 
 class World(NamedTuple):
-    """One episode's tape: routes are fixed; measurements are drawn by counter from a key."""
+    """One episode's tape. Routes are fixed. Measurements and accelerations are drawn by counter from a key."""
 
     key: Array  # () uint64
 
@@ -42,7 +42,7 @@ class Truth(NamedTuple):
 
 
 class Measurements(NamedTuple):
-    """What the receivers report of one scan."""
+    """The receivers' measurements in one scan."""
 
     z: Array  # (env, pair, most, m): range [m], range-rate [m/s] and direction cosine
     R: Array  # (env, pair, most, m, m): covariances of their errors, without the floor of range-rate
@@ -65,35 +65,36 @@ class Belief(NamedTuple):
 def room_for(expected: float) -> int:
     """Room for the measurements of a pair in a scan, for an expected number of false returns.
 
-    Six standard deviations of clutter, and returns of targets.
+    There is room for clutter up to six standard deviations above its mean, and for returns of targets.
 
     Raises:
         InputError: more than ``GREATEST``.
     """
     most = max(MOST, math.ceil(expected + 6.0 * math.sqrt(expected)) + MOST // 2)
     if most > GREATEST:
-        wanted = f"at most {GREATEST} with targets' and six standard deviations"
-        raise InputError(f"false returns of a pair in a scan are {expected:.4g} on average, expected {wanted}")
+        largest = (math.sqrt(9.0 + GREATEST - MOST // 2) - 3.0) ** 2  # the inverse of ``most``
+        given = f"false returns of a pair in a scan are {expected:.4g} on average"
+        raise InputError(f"{given}, expected at most {largest:.0f}: reduce clutter_density")
     return most
 
 
 class Scene(NamedTuple):
     """The route of the targets and its propagation paths, for every scan from 0 to the horizon."""
 
-    truth: Array  # (scan, target, 6): targets that keep to the route
+    truth: Array  # (scan, target, 6): targets that do not deviate from the route
     present: Array  # (scan, target)
     path_count: Array  # (pair, scan, target): number of visible paths; they come first along the path axis
     path_index: Array  # (pair, scan, target, path): index of each path in ``Multistatic.paths``
     images: Array  # (pair, index, 6): of transmitter and receiver, and the axis of the array, for each path index
     z: Array  # (pair, scan, target, path, 2): range and range-rate of targets on the route
-    reflected: Array  # (pair, scan, target, path): fraction of the power left after the walls
+    reflected: Array  # (pair, scan, target, path): fraction of the power that remains after the walls
     direct: Array  # (scan, target): whether the direct paths of the first two pairs are visible
 
 
 def make_scene(
     urban_map: UrbanMap, pairs: Sequence[Multistatic], route: ScriptedPath, arrivals: ArrayLike, times: Array
 ) -> Scene:
-    """All targets drive along one route, each from its own arrival [s] on; times (scan,) in s.
+    """The scene in which all targets drive along one route, each from its own arrival (s) on; times (scan,) in s.
 
     Raises:
         InputError: the route enters a building.
@@ -131,14 +132,14 @@ def _images(pairs: Sequence[Multistatic]) -> Array:
 
 
 def _table(pair: Multistatic, true_states: Array, visible: Array, most: int) -> tuple[Array, Array, Array, Array]:
-    """Range and range-rate, power left, number and indices of the paths; visible paths come first."""
+    """Range and range-rate, remaining power, number and indices of the paths; visible paths come first."""
     order = np.argsort(~visible, axis=-1, kind="stable")[..., :most]
     z = np.take_along_axis(pair.measure(true_states[..., :4]), order[..., None], axis=-2)
     return z, pair.reflected[order], visible.sum(axis=-1), order
 
 
 def urban_fields(slots: int, models: tuple[str, ...], reach: float) -> tuple[ObservationField, ...]:
-    """Observation fields, slot by slot."""
+    """The observation fields: the time left, then each slot."""
     listed = [ObservationField("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come")]
     for s in range(1, slots + 1):
         of = f"of the track in slot {s}; 0 if the slot is empty"
@@ -194,9 +195,10 @@ def deviation_model(dt: float) -> tuple[Array, Array]:
 
     Random accelerations push the target off its route, and the driver steers back.
 
-    The random acceleration ``a`` is constant during a step of ``dt`` s. Exact for any step: the exponential of the
-    oscillator v' = a - 2 DAMPING RETURN v - RETURN^2 p. With sigma = 0.25 m/s^2 and steps of 0.25 s the deviation has
-    standard deviations of 0.45 m and 0.14 m/s.
+    The random acceleration ``a`` is constant during a step of ``dt`` s. F and g are exact for any step. They are the
+    matrix exponential of the oscillator
+    v' = a - 2 DAMPING RETURN v - RETURN^2 p.
+    With sigma = 0.25 m/s^2 and steps of 0.25 s the deviation has standard deviations of 0.45 m and 0.14 m/s.
     """
     rates = np.array([[0.0, 1.0, 0.0], [-(RETURN**2), -2.0 * DAMPING * RETURN, 1.0], [0.0, 0.0, 0.0]])
     step = scipy.linalg.expm(dt * rates)

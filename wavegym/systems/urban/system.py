@@ -54,10 +54,10 @@ from wavegym.waveforms import (
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
 WITH_DIRECTIONS: dict[str, Any] = {"stay": 0.97, "sigma_acceleration": 0.2, "confirm_after": 8}
-"""Settings of the tracker that directions of arrival make possible; without directions those of the paper."""
-SEARCHED = 3  # quantities over which the receivers of signals take the greatest value: delay, Doppler, direction
+"""Settings of the tracker if receivers measure directions of arrival; otherwise it has those of the paper."""
+SEARCHED = 3  # quantities over which a receiver of signals searches for peaks: delay, Doppler, direction
 EFFECTIVE = 7.4338  # effective pulse length over duration k: the chirp sweeps its bandwidth in this time
-# All systems share a receiver: the law of its noise takes 20 ms. Do not write to its arrays.
+# Systems share receivers, because computing the noise of a receiver takes 20 ms. Do not write to their arrays.
 _shared_receiver = lru_cache(maxsize=64)(ArrayReceiver)
 
 
@@ -66,10 +66,10 @@ class Urban(System, DecisionMakers, TimedPulses):
     """A multistatic radar in urban terrain tracks an unknown number of targets and chooses its pulses in every scan.
 
     Description
-        This is the paper's tracking benchmark. There is nothing to decide: by default the first pulse is best in every
-        scan. The scene has one or more transmitters, two or more receivers, and buildings that hide targets and reflect
-        signals. Two targets drive the same route through a crossing, ten seconds apart: straight on, braking, a left
-        turn, speeding up. Random accelerations push targets off the route, and their drivers steer back.
+        This is the paper's tracking benchmark. By default the first pulse is best in every scan, so there is nothing to
+        decide. The scene has one or more transmitters, two or more receivers, and buildings that hide targets and
+        reflect signals. Two targets drive the same route through a crossing, ten seconds apart: they drive straight on,
+        brake, turn left and speed up. Random accelerations push targets off the route, and their drivers steer back.
 
         A scan is a train of Gaussian chirps of one of four kinds. Receivers have their own antennas (bistatic) and
         listen while the transmitter transmits, so no echo is eclipsed. The direct signal is assumed to be subtracted.
@@ -77,22 +77,23 @@ class Urban(System, DecisionMakers, TimedPulses):
         A propagation path leads from a transmitter over a target to a receiver, with up to two wall reflections. Each
         receiver detects each path with probability Pd = Pfa^(1 / (1 + eta / 2)), unless ``fluctuation`` or ``searched``
         name another law. It measures range and range-rate with covariance R(psi) / eta, plus rate_floor^2 for
-        range-rate, and direction of arrival. eta is the mean, unless ``error_snr`` names that of the scan. The mean
-        falls with the fourth power of the half path length and by a factor of 0.4 at each wall. There are also false
-        returns.
+        range-rate, and direction of arrival. eta is the mean SNR, unless ``error_snr`` selects the SNR of the scan. The
+        mean falls with the fourth power of the half path length and by a factor of 0.4 at each wall. There are also
+        false returns.
 
         Each receiver is a line of three elements, half a wavelength apart. It measures the cosine of the angle between
         its line and the direction of arrival, with variance 12 / (pi^2 (3^2 - 1) eta). It cannot tell a direction from
         its mirror image in the line, so the lines of two receivers stand at right angles.
 
-        The tracker starts, confirms and ends tracks: LMIPDA and a variable-structure IMM of unscented filters. A
-        tracker of your own does not fit: its estimate has a fixed number of targets and no probabilities of existence.
+        The tracker starts, confirms and ends tracks, with LMIPDA and a variable-structure IMM of unscented filters. You
+        cannot use a tracker of your own here, because its estimate has a fixed number of targets and no probabilities
+        of existence.
 
     Rewards
-        Minus the cost: the sum over the ``charged`` slots of least cost of r min(trace(Lambda P), c0) + (1 - r) c0. r
-        is the existence probability of the track, and c0 the trace of a new track of greatest uncertainty. The unit is
-        m^2, with ``weights`` 1, 1 s^2 and 1 s^4 on positions, velocities and accelerations. Losing a track never pays.
-        A false track pays in proportion to its existence probability.
+        Minus the cost, which is the sum of r min(trace(Lambda P), c0) + (1 - r) c0 over the ``charged`` slots of least
+        cost. r is the existence probability of the track, and c0 is the trace of a new track of greatest uncertainty.
+        The unit is m^2, with ``weights`` 1, 1 s^2 and 1 s^4 on positions, velocities and accelerations. Losing a track
+        never lowers the cost. A false track lowers it in proportion to its existence probability.
 
     Starting state
         There are no tracks. Each target enters at its arrival.
@@ -103,7 +104,7 @@ class Urban(System, DecisionMakers, TimedPulses):
     References
         P. R. Barbosa, Y. Sarkale, E. K. P. Chong, Y. Li, S. Suvorova and W. Moran, "Controlled tracking in urban
         terrain: closing the loop". Buildings and clutter are read off the paper's figure. SNR and thresholds are
-        proposals of this suite.
+        choices of this suite.
     """
 
     bistatic: ClassVar[bool] = True
@@ -205,17 +206,18 @@ class Urban(System, DecisionMakers, TimedPulses):
         """Check several fields together."""
         check_positive("sum of weights", sum(self.weights))
         if len(self.arrivals) > MOST_TARGETS:
-            raise InputError(f"arrivals has {len(self.arrivals)} targets, expected at most {MOST_TARGETS}, for GOSPA")
+            wanted = f"at most {MOST_TARGETS}, the most that GOSPA can assign"
+            raise InputError(f"arrivals has {len(self.arrivals)} targets, expected {wanted}")
         if self.charged > self.slots:
             raise InputError(f"charged is {self.charged}, expected 1 to {self.slots} slots")
         if self.fidelity == "signal" and self.false_alarm is not None:
-            wanted = "expected none with fidelity='signal': it follows from clutter_density"
+            wanted = "expected None with fidelity='signal', where it follows from clutter_density"
             raise InputError(f"false_alarm is {self.false_alarm}, {wanted}")
         if self.fidelity == "signal" and self.searched not in (None, SEARCHED):
             raise InputError(f"searched is {self.searched}, expected {SEARCHED} with fidelity='signal'")
         if len(self.truth_model.arrivals) != len(self.arrivals):
             given = len(self.truth_model.arrivals)
-            raise InputError(f"truth has arrivals of {given} targets, expected {len(self.arrivals)} as without truth")
+            raise InputError(f"truth has arrivals of {given} targets, expected {len(self.arrivals)}, as in the system")
         check_time_on_target(self.timings, self.dt)
         _ = self.actions, self.urban_tracker, self.scene, self._most
 
@@ -237,13 +239,13 @@ class Urban(System, DecisionMakers, TimedPulses):
 
     @cached_property
     def actions(self) -> Library | JointLibrary:
-        """A train; with several transmitters every combination, which receivers can separate."""
+        """A train; with several transmitters every combination of trains, which the receivers can separate."""
         several = len(self.transmitters)
         return JointLibrary(self.library, several) if several > 1 else self.library
 
     @property
     def decision_makers(self) -> tuple[DecisionMaker, ...]:
-        """Every transmitter; all observation fields are those of tracks, so they are shared."""
+        """The transmitters. They share all observation fields, which belong to tracks."""
         return makers_by_form(self.actions, "transmitter")
 
     @property
@@ -252,7 +254,7 @@ class Urban(System, DecisionMakers, TimedPulses):
         return pulse_timings(self.library, self.carrier)
 
     def target_ranges(self, world: World) -> Array:
-        """Of every target present at every pair, (env, scan and target, pair, 2): along the direct path, halved."""
+        """Range and range-rate, half those of the direct path, of present targets, (env, scan and target, pair, 2)."""
         truth, found = self.initial(world).truth, []
         places = np.array([(out, back) for out in self.transmitters for back in self.receivers])  # (pair, end, 2)
         for scan in range(self.horizon + 1):
@@ -279,7 +281,7 @@ class Urban(System, DecisionMakers, TimedPulses):
 
     @cached_property
     def pairs(self) -> list[Multistatic]:
-        """Each transmitter with each receiver."""
+        """All pairs of a transmitter and a receiver."""
         out = [Antenna(self.map, place) for place in self.transmitters]
         back = [Antenna(self.map, *array) for array in zip(self.receivers, self._axes, strict=True)]
         return [Multistatic(transmitter, receiver) for transmitter in out for receiver in back]
@@ -330,7 +332,7 @@ class Urban(System, DecisionMakers, TimedPulses):
 
     @property
     def ambiguity(self) -> float:
-        """Greatest unambiguous range-rate, lambda / (4 interval), m/s; range-rates beyond are folded."""
+        """Greatest unambiguous range-rate, lambda / (4 interval), m/s; greater range-rates are folded."""
         return SPEED_OF_LIGHT / self.carrier / (4.0 * self.interval)
 
     @cached_property
@@ -339,7 +341,7 @@ class Urban(System, DecisionMakers, TimedPulses):
         return room_for(self.clutter_density * self.reach * 2.0 * self.ambiguity)
 
     def draw_world(self, rng: np.random.Generator) -> World:
-        """The key of all random draws of one episode."""
+        """The key of all draws of one episode."""
         return World(np.asarray(rng.integers(2**64, dtype=np.uint64)))
 
     def initial(self, world: World) -> State:
@@ -371,7 +373,7 @@ class Urban(System, DecisionMakers, TimedPulses):
         return deviation_model(self.dt)
 
     def move(self, truth: Truth, step: Array, world: World) -> Truth:
-        """The targets one scan on: along the route, and off it by random accelerations."""
+        """The targets one scan on: along the route, with deviations by random accelerations."""
         scene, scan, targets = self.truth_model.scene, step + 1, np.empty(truth.targets.shape)
         kernels.move_targets(
             world.key, scan, truth.targets, scene.truth, scene.present, *self._deviation, self.truth_model.sigma,
@@ -426,7 +428,7 @@ class Urban(System, DecisionMakers, TimedPulses):
 
     @cached_property
     def absent(self) -> float:
-        """c0, the cost of an absent track: that of a new track of greatest uncertainty."""
+        """c0, the cost of an absent track, which is that of a new track of greatest uncertainty."""
         tracker, (position, velocity, acceleration) = self.urban_tracker, self.weights
         return position * tracker.vaguest**2 + 2.0 * velocity * tracker.usual_speed**2 + 2.0 * acceleration
 
@@ -440,14 +442,14 @@ class Urban(System, DecisionMakers, TimedPulses):
         return np.add.reduce(each[:, : self.charged], axis=1).reshape(belief.existence.shape[:-1])
 
     def trace(self, belief: Belief) -> Array:
-        """trace(W P) summed over the tracks in use, whatever their existence probability."""
+        """trace(Lambda P) summed over the tracks in use, without their existence probabilities."""
         _, P = Tracks(*belief[1:]).combined()
         each = (np.diagonal(P, 0, -2, -1) * self._weights).sum(axis=-1)
         return np.where(belief.status == EMPTY, 0.0, each).sum(axis=-1)
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """The time left, and each slot."""
+        """The observation: the time left, and each slot."""
         return urban_fields(self.slots, MODELS[: len(self.urban_tracker.motion)], self.reach)
 
     def observe(self, belief: Belief) -> Array:
@@ -461,11 +463,13 @@ class Urban(System, DecisionMakers, TimedPulses):
         return np.array(self.transmitters[0])
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """For each target: ``held`` (a confirmed track is within 20 m), ``position_error`` of the nearest track (20 m
-        if not held, 0 while the target is absent), its ``position_variance`` (m^2) and ``nees`` (expected: 4),
-        ``present`` (equal to ``held``: evaluations average over these targets) and ``lost`` (both direct paths are
-        visible, but the target is not held). For the scan: the numbers of ``confirmed``, ``false`` and ``tentative``
-        tracks, of tracks ``refused`` a slot and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
+        """Figures of each target and of the scan.
+
+        For each target: ``held`` (a confirmed track is within 20 m), ``position_error`` of the nearest track (20 m if
+        not held, 0 while the target is absent), its ``position_variance`` (m^2) and ``nees`` (expected: 4), ``present``
+        (equal to ``held``, because evaluations average over these targets) and ``lost`` (both direct paths are visible,
+        but the target is not held). For the scan: the numbers of ``confirmed``, ``false`` and ``tentative`` tracks, of
+        ``refused`` tracks (new ones without a free slot) and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
         """
         return urban_info(state, self.truth_model.scene.direct)
 
@@ -475,14 +479,16 @@ class UrbanSignal(Urban):
     """The urban loop at the signal level: pulse trains at array elements, matched filters, peaks.
 
     Description
-        As wavegym/Urban-v0, but measurements come from simulated signals at the three elements of each receiver: echoes
-        of targets over all paths, and noise. The mean of thirty frames without targets is subtracted. This cancels the
-        echoes of walls and trees and adds the noise of the mean. Matched filters give an image over delay and Doppler.
-        Peaks in the best direction count if they exceed a threshold that noise exceeds ``clutter_density`` times per (m
-        x m/s). A quadratic fit to log |A|^2 measures them. Paths less than a resolution cell apart return one peak. A
-        train has 25 pulses and lasts 25 ms. The echo of each path has a new phase and a new amplitude in every scan
-        (``fluctuation``). The tracker knows that a receiver takes the greatest value of an image: its Pd is that of
-        ``wavegym.sensors.detection_probability`` with searched = 3.
+        As wavegym/Urban-v0, but measurements come from simulated signals at the three elements of each receiver. The
+        signals contain the echoes of targets over all paths, and noise. The mean of thirty trains without targets is
+        subtracted, which cancels the echoes of walls and trees and adds the noise of the mean. Matched filters give an
+        image over delay and Doppler.
+
+        The receiver searches the image for peaks, each in its best direction. A peak counts if it exceeds a threshold,
+        which noise exceeds ``clutter_density`` times per (m x m/s). A quadratic fit to log |A|^2 measures the peak.
+        Paths less than a resolution cell apart give one peak. A train has 25 pulses and lasts 25 ms. The echo of each
+        path has a new phase and a new amplitude in every scan (``fluctuation``). The tracker accounts for the search:
+        its Pd is that of ``wavegym.sensors.detection_probability`` with searched = 3.
 
     Rewards
         As wavegym/Urban-v0.

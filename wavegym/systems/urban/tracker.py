@@ -1,13 +1,13 @@
-"""Urban tracker: an unknown number of targets, which walls hide and which appear as ghosts over reflecting walls.
+"""Urban tracker: an unknown number of targets. Walls hide targets, and reflections at walls appear as ghost targets.
 
-Gates, LMIPDA, a variable-structure IMM of unscented filters, and track management (Barbosa et al., section 4.2), for
-transmitters whose signals receivers can separate and two or more receivers. The map decides what the paper leaves
-open:
+The tracker has gates, LMIPDA, a variable-structure IMM of unscented filters, and track management (Barbosa et al.,
+section 4.2). There are two or more receivers, which can separate the signals of the transmitters. The paper leaves some
+rules open; here the map decides them:
 
-- A track starts where measurements of the first two receivers from the first transmitter intersect on a road that is
-  visible to all three.
-- A missed detection does not count against a hidden track.
-- A track that leaves the roads was a mirror image and ends.
+- A track starts where the measurements of the first two receivers, with the first transmitter, intersect on a road that
+  is visible to all three antennas.
+- A missed detection does not lower the existence probability of a track that the map hides.
+- A track that leaves the roads is a mirror image, and ends.
 - Returns of a confirmed track over walls are clutter for all other tracks (``ghosts``).
 """
 
@@ -47,7 +47,10 @@ from wavegym.trackers.imm import variable_structure
 EMPTY, TENTATIVE, CONFIRMED = tracker_kernels.EMPTY, tracker_kernels.TENTATIVE, tracker_kernels.CONFIRMED
 MODELS = ("NCV", "NCA", "CT left", "CT right")
 TRANSITION = np.array([[0.99, 0.01, 0.0, 0.0], [0.1, 0.7, 0.1, 0.1], [0.0, 0.01, 0.99, 0.0], [0.0, 0.01, 0.0, 0.99]])
-"""From row to column. The paper prints 0.1 instead of 0.01 and exchanges rows and columns; rows then sum to 1.09."""
+"""Transition probabilities, from row to column.
+
+The paper prints 0.1 instead of 0.01 and exchanges rows and columns; its rows sum to 1.09.
+"""
 SETS = ((False, True, True, True), (True, True, False, False))  # near junctions, elsewhere
 NO_IMAGE = 9  # order of a padding image: more walls than any path has
 
@@ -71,15 +74,15 @@ class Tracks(NamedTuple):
 @in_one_line
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class UrbanTracker:
-    """See the module; the paper prints almost no parameters, so the defaults are of this suite.
+    """See the module. The paper prints almost no parameters, so the defaults are choices of this suite.
 
     Args:
         urban_map: the map.
         transmitters, receivers: (x, y) in m; at least two receivers. Measurements are ordered by pairs: the first
             transmitter with each receiver first.
-        axes: unit vector along the line of array elements of each receiver, whose measurements then have a direction of
-            arrival; None for measurements without, as in the paper. The first two receivers must then not stand in one
-            line with the first transmitter.
+        axes: unit vector along the line of array elements of each receiver, for measurements with a direction of
+            arrival. None for measurements without it, as in the paper; then the first two receivers and the first
+            transmitter must not stand in one line.
         elements: number of elements of each array, half a wavelength apart.
         models: "vsimm": constant velocity and acceleration, and turns near junctions; "ncv": constant velocity.
         dt: time between scans, s.
@@ -88,21 +91,23 @@ class UrbanTracker:
         sigma_acceleration: standard deviation of the change of acceleration in a scan, NCA, m/s^2.
         stay: probability that a target keeps its motion model until the next scan; all others are equally likely. None
             for the matrix of the paper, in which acceleration lasts three scans and turns last a hundred.
-        slots: maximum number of tracks; when full, a new track replaces the tentative track of least existence.
+        slots: maximum number of tracks. If all are in use, a new track replaces the tentative track of least existence.
         clutter_density: expected false returns in a scan of a receiver, per (m x m/s).
-        gate_probability: Pg, probability that a gate holds the measurement of a detected target.
+        gate_probability: Pg, probability that a gate contains the measurement of a detected target.
         false_alarm: Pfa, which relates SNR and detection probability.
-        fluctuation: of the echoes, "swerling0" to "swerling4", see ``wavegym.sensors.detection``.
-        error_snr: SNR that sets measurement covariances. "mean": the mean eta. "realised": 1 / E[1 / max(eta, 1)] of an
-            echo that is detected, for errors at the SNR of the scan. Pd is that of the mean eta in both.
-        searched: quantities over which receivers take the greatest value about an echo, see ``detection_probability``.
+        fluctuation: model of the echoes, "swerling0" to "swerling4", see ``wavegym.sensors.detection``.
+        error_snr: SNR that sets measurement covariances. "mean": the mean eta. "realised": 1 / E[1 / max(eta, 1)] of a
+            detected echo, for errors at the SNR of the scan. Pd follows from the mean eta in both cases.
+        searched: number of quantities over which receivers search for the peak of an echo, see
+            ``detection_probability``.
         rate_floor: standard deviation of range-rate in addition to its noise, m/s.
-        reach: half path length beyond which nothing is received, m.
-        survival: probability that a target exists in the next scan too.
+        reach: half path length beyond which no echo is received, m.
+        survival: probability that a target still exists in the next scan.
         birth: existence probability of a new track.
         confirm: existence probability at which a track is confirmed.
-        confirm_after: least number of scans before that; mirror images between the receivers rarely last so long.
-        drop: existence probabilities below which a tentative and a confirmed track end.
+        confirm_after: minimum number of scans before confirmation; mirror images between the receivers rarely last so
+            long.
+        drop: existence probabilities below which a tentative track and a confirmed track end.
         merge: distance (m) and velocity difference (m/s) below which two tracks are merged.
         vaguest: largest standard deviation of the position of a new track, m.
         fastest: largest speed of a new track, m/s; a track ends beyond twice this speed.
@@ -151,7 +156,7 @@ class UrbanTracker:
         if not self.transmitters:
             raise InputError("transmitters is (), expected at least one place (x, y) in m")
         if len(self.receivers) < 2:
-            raise InputError(f"receivers is {self.receivers}, expected at least two: one gives no direction")
+            raise InputError(f"receivers is {self.receivers}, expected at least two: one cannot locate a target")
         if self.axes is None:
             check_triangle(np.array(self.transmitters[0]), np.array(self.receivers[:2]))
         elif len(self.axes) != len(self.receivers):
@@ -185,7 +190,7 @@ class UrbanTracker:
 
     @cached_property
     def motion(self) -> tuple[MotionModel, ...]:
-        """Motion models, in the order of ``MODELS``."""
+        """The motion models, in the order of ``MODELS``."""
         straight = nearly_constant_velocity(self.dt, self.sigma)
         if self.models == "ncv":
             return (straight,)
@@ -224,8 +229,8 @@ class UrbanTracker:
             R: error covariance at an SNR of 1 of the waveform that the transmitter of each pair sent, without the
                 range-rate variance rate_floor^2; leading axes broadcast to (env, pair, 2, 2).
             snr: SNR of this waveform at a half path length of 100 m without walls; broadcasts to (env, pair).
-            errors: covariance of each measurement as the receiver gives it, without rate_floor^2, (env, pair, most, m,
-                m); by default ``direct_errors``.
+            errors: covariance of each measurement as the receiver reports it, without rate_floor^2,
+                (env, pair, most, m, m); by default ``direct_errors``.
 
         Returns:
             The tracks. A new track that finds no free slot replaces a tentative track or is not started, and counts as
@@ -254,9 +259,8 @@ class UrbanTracker:
     def direct_errors(self, z: Array, count: Array, R: Array, snr: Array) -> Array:
         """Covariance of each measurement at the SNR of a direct path of its range, without the floor of range-rate.
 
-        The SNR is that of ``error_snr``.
-        Arguments as in ``scan``, R and snr of the full shapes (env, pair, 2, 2) and (env, pair). Returns
-        (env, pair, most, m, m), 0 beyond the measurements.
+        ``error_snr`` selects the SNR. Arguments as in ``scan``; R and snr have the full shapes (env, pair, 2, 2) and
+        (env, pair). Returns (env, pair, most, m, m), 0 beyond the measurements.
         """
         errors = np.zeros((*z.shape, self.quantities))
         tracker_kernels.direct_errors(z, count, R, snr, self.constants, errors, self._sizes[-1])
@@ -278,7 +282,7 @@ class UrbanTracker:
         for name, leaf, core in zip(Tracks._fields, tracks, cores, strict=False):
             if leaf.shape != (envs, self.slots, *core):
                 wanted = (envs, self.slots, *core)
-                raise InputError(f"tracks.{name} has shape {leaf.shape}, expected {wanted}: this tracker's")
+                raise InputError(f"tracks.{name} has shape {leaf.shape}, expected {wanted} for this tracker")
         return Tracks(*(np.array(leaf, order="C") for leaf in tracks))
 
     def _waves(self, R: ArrayLike, snr: ArrayLike, envs: int) -> tuple[Array, Array]:
@@ -307,7 +311,7 @@ class UrbanTracker:
 
     @cached_property
     def constants(self) -> tracker_kernels.TrackerConstants:
-        """Everything that kernels need."""
+        """The constants of the kernels."""
         grid = Grid.over(self.urban_map, (*self.transmitters, *self.receivers), self.cell)
         lines = self.axes or ((1.0, 0.0),) * len(self.receivers)
         pairs = list(product(self.transmitters, zip(self.receivers, lines, strict=True)))
@@ -339,7 +343,7 @@ class UrbanTracker:
 
 
 def _images(side: str, maps: list[VisibilityMap]) -> dict[str, Array]:
-    """Tables of the images of the transmitter, or the receiver, of each pair, padded to one length."""
+    """Tables of the images of each pair's transmitter, or receiver, padded to one length."""
     return {
         f"{side}_images": _padded(maps, "images", 0.0), f"{side}_order": _padded(maps, "order", NO_IMAGE),
         f"{side}_reflected": _padded(maps, "reflected", 0.0),
@@ -348,7 +352,7 @@ def _images(side: str, maps: list[VisibilityMap]) -> dict[str, Array]:
 
 
 def _padded(maps: list[VisibilityMap], name: str, fill: float, axis: int = 0) -> Array:
-    """One field of all maps, (pair, ...), with ``fill`` for the images that a map does not have."""
+    """One field of all maps, (pair, ...), padded with ``fill`` for maps with fewer images."""
     most, parts = max(len(one.images) for one in maps), []
     for one in maps:
         values = getattr(one, name)

@@ -2,7 +2,7 @@
 
 Arrays belong to one environment. Rows of x and P are ordered by track, then model, as in ``imm_kernels.py``. A
 measurement is (range, range-rate), or (range, range-rate, direction cosine). ``ll`` has one zero for each quantity, so
-the compiler unrolls the loops. The direction cosine is measured up to multiples of 2.
+that the compiler unrolls the loops. The direction cosine is ambiguous by multiples of 2.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -21,12 +21,12 @@ from wavegym.trackers.ukf_kernels import predict_direction_one, predict_multista
 
 EMPTY, TENTATIVE, CONFIRMED = 0, 1, 2
 NEAR, ELSEWHERE = 0, 1  # sets of models: near a junction, elsewhere
-HIDDEN = 0.02  # Pd where the map says that the target is hidden: maps and estimates are not exact
+HIDDEN = 0.02  # Pd of targets that the map hides: not 0, because maps and estimates are not exact
 LOG_2PI = np.log(2.0 * np.pi)
 
 
 class TrackerConstants(NamedTuple):
-    """What the tracker assumes about map, antennas and targets; see ``UrbanTracker`` for units and meaning."""
+    """The tracker's constants of map, antennas and targets; see ``UrbanTracker`` for units and meaning."""
 
     transmitters: Any  # (pair, 2), of each pair of a transmitter and a receiver
     receivers: Any
@@ -39,11 +39,11 @@ class TrackerConstants(NamedTuple):
     cell: float
     road: Any  # (column, row): distance to the nearest road, m
     junction: Any  # (column, row): whether the cell lies in a junction
-    out_images: Any  # (pair, image, 2): of the transmitter, padded with images visible from nowhere
+    out_images: Any  # (pair, image, 2): of the transmitter, padded with images that are not visible from anywhere
     out_order: Any  # (pair, image)
     out_reflected: Any
     out_visible: Any  # (pair, column, row, image)
-    back_images: Any  # the same of the receiver
+    back_images: Any  # the same for the receiver
     back_order: Any
     back_reflected: Any
     back_visible: Any
@@ -85,7 +85,7 @@ class Tracks(NamedTuple):
 
 
 class Predicted(NamedTuple):
-    """Predicted measurements of one pair, of each model (slot * model, ...), and detection of each track (slot,)."""
+    """Predicted measurements of one pair, for each model (slot * model, ...), and detection of each track (slot,)."""
 
     centre: Any  # (slot * model, m)
     S: Any  # (slot * model, m, m), without measurement errors
@@ -119,7 +119,7 @@ class Scratch(NamedTuple):
 
 @kernel
 def predicted_for(slots, models, n, m):
-    """Room for predicted measurements; 0 at first because empty slots read them unwritten."""
+    """Room for predicted measurements, filled with 0 because empty slots read elements that nothing has written."""
     rows = slots * models
     return Predicted(
         np.zeros((rows, m)), np.zeros((rows, m, m)), np.zeros((rows, n, m)), np.empty(slots), np.empty(slots),
@@ -181,7 +181,7 @@ def covariance_at(eta, wave, rate_floor, constants, R, ll):
 
 @kernel
 def direct_errors(z, count, wave, reference, constants, errors, ll):
-    """errors (env, pair, measurement, m, m): covariances at the SNR of a direct path of each measured range."""
+    """Fill errors (env, pair, measurement, m, m): covariances at the SNR of a direct path of each measured range."""
     for e in range(len(z)):
         for pair in range(z.shape[1]):
             for i in range(count[e, pair]):
@@ -191,7 +191,7 @@ def direct_errors(z, count, wave, reference, constants, errors, ll):
 
 @kernel
 def add_rate_floor(given, count, constants, R, ll):
-    """R (measurement, m, m): the covariance that the receiver gives, and the floor of range-rate."""
+    """Fill R (measurement, m, m): the covariance that the receiver reports, plus the floor of range-rate."""
     for i in range(count):
         for j in range(len(ll)):
             for k in range(len(ll)):
@@ -201,7 +201,7 @@ def add_rate_floor(given, count, constants, R, ll):
 
 @inlined
 def factor_sum(S, R, L, ll):
-    """Lower triangular L (m, m) with L L' = S + R; returns the log of the determinant of S + R."""
+    """Fill the lower triangular L (m, m) with L L' = S + R; returns the log of the determinant of S + R."""
     determinant = 1.0
     for i in range(len(ll)):
         for j in range(i + 1):
@@ -215,7 +215,7 @@ def factor_sum(S, R, L, ll):
 
 @inlined
 def whiten(z, centre, L, w, ll):
-    """w (m,) = L^-1 (z - centre); returns its squared length, the squared Mahalanobis distance."""
+    """Fill w (m,) = L^-1 (z - centre); returns its squared length, the squared Mahalanobis distance."""
     squared = 0.0
     for i in range(len(ll)):
         total = z[i] - centre[i]
@@ -236,7 +236,7 @@ def log_density(squared, log_determinant, ll):
 
 @inlined
 def whiten_gain(row, G, L, W, nn, ll):
-    """W (m, n) = L^-1 G[row]': the gain is W' L^-1, and the covariance shrinks by W' W."""
+    """Fill W (m, n) = L^-1 G[row]': the gain is W' L^-1, and the covariance shrinks by W' W."""
     for j in range(len(nn)):
         for i in range(len(ll)):
             total = G[row, j, i]
@@ -247,7 +247,7 @@ def whiten_gain(row, G, L, W, nn, ll):
 
 @kernel
 def shrink(row, P, W, share, nn, ll):
-    """P[row] -= share W' W, symmetric to the last bit."""
+    """P[row] -= share W' W, exactly symmetric."""
     for j in range(len(nn)):
         for k in range(j + 1):
             total = 0.0
@@ -259,11 +259,12 @@ def shrink(row, P, W, share, nn, ll):
 
 @kernel
 def update_one(row, x, P, z, R, count, beta, centre, S, G, scratch, nn, ll):
-    """Mean and covariance of the mixture of updates of x[row], P[row] by each measurement and by none.
+    """Replace x[row], P[row] by the moments of a mixture: the updates by each measurement, and by none.
 
     beta[row] (1 + count): probabilities, column 0 = missed. Each measurement i has its own covariance R[i] and hence
-    its own gain K_i: P - sum beta_i K_i S_i K_i' + sum beta_i d_i d_i' - d d', d_i = K_i v_i, d = sum beta_i d_i. With
-    equal R this is the update of probabilistic data association (Bar-Shalom and Fortmann 1988).
+    its own gain K_i. The covariance becomes
+    P - sum beta_i K_i S_i K_i' + sum beta_i d_i d_i' - d d', d_i = K_i v_i, d = sum beta_i d_i.
+    With equal R this is the update of probabilistic data association (Bar-Shalom and Fortmann 1988).
     """
     L, W, w, shift, total = scratch.L, scratch.W, scratch.w, scratch.shift, scratch.total
     n = len(nn)
@@ -295,7 +296,7 @@ def update_one(row, x, P, z, R, count, beta, centre, S, G, scratch, nn, ll):
 
 @inlined
 def cell_of(x, y, constants):
-    """Column and row of the cell of (x, y); -1, -1 beyond the edge."""
+    """Column and row of the cell of (x, y); (-1, -1) outside the grid."""
     i, j = (
         int(np.floor((x - constants.corner[0]) / constants.cell)),
         int(np.floor((y - constants.corner[1]) / constants.cell)),
@@ -317,7 +318,7 @@ def place_of(t, x, mu, models):
 
 @kernel
 def predict_tracks(tracks, constants, X, PP, c, T, nn, mm):
-    """Predict to the next scan: mix and move the models allowed at the position of each track; multiply by survival."""
+    """Predict to the next scan: mix and move the models allowed at each track's place; existence times survival."""
     x, P, mu = tracks.x, tracks.P, tracks.mu
     for t in range(len(mu)):
         if tracks.status[t] == EMPTY:
@@ -336,7 +337,7 @@ def predict_tracks(tracks, constants, X, PP, c, T, nn, mm):
 
 @kernel
 def predict_measurements(tracks, constants, pair, reference, predicted, scratch, nn, mm, ll):
-    """Predicted measurement of each model, and SNR and pd = Pd Pg of each track: fills ``predicted``."""
+    """Fill ``predicted``: the predicted measurement of each model, and the SNR and pd = Pd Pg of each track."""
     x, P, mu, tx, rx = tracks.x, tracks.P, tracks.mu, constants.transmitters[pair], constants.receivers[pair]
     axis, centre, S, G = constants.axes[pair], predicted.centre, predicted.S, predicted.G
     for t in range(len(mu)):
@@ -368,7 +369,7 @@ def predict_measurements(tracks, constants, pair, reference, predicted, scratch,
 
 @inlined
 def near_in_range(t, z, R, predicted, constants, mm):
-    """Whether the range of z alone lies in the gate of a model; where it does not, z lies in none: the quick test."""
+    """Whether the range of z lies in the range gate of any model: a fast test. If not, z lies in no gate."""
     near = False
     for m in range(len(mm)):
         row = t * len(mm) + m
@@ -379,10 +380,10 @@ def near_in_range(t, z, R, predicted, constants, mm):
 
 @kernel
 def weigh_scan(tracks, constants, z, R, count, predicted, scratch, p, taken, mm, ll):
-    """p (track, model, measurement): likelihood of each model inside the track's gate; taken: z lies in any gate.
+    """Fill p (track, model, measurement): each model's likelihood in the track's gate; taken: z lies in any gate.
 
-    The gate of a track is the union of the gates of its models: at the start of a manoeuvre the model that explains it
-    is still improbable, and a gate of the mixture would leave the measurement out.
+    The gate of a track is the union of the gates of its models. At the start of a manoeuvre the right model is still
+    improbable, so a gate of the mixture would exclude the measurement.
     """
     L, w = scratch.L, scratch.w
     for t in range(len(tracks.mu)):
@@ -406,7 +407,7 @@ def weigh_scan(tracks, constants, z, R, count, predicted, scratch, p, taken, mm,
 
 @inlined
 def linearise_path(state, out, back, axis, h, H, ll):
-    """Measurement h (m,) of (x, y, xdot, ydot, ...) over the path between two images, and its Jacobian H (m, 4)."""
+    """Fill h (m,): (x, y, xdot, ydot, ...) measured over the path between two images; H (m, 4): its Jacobian."""
     x, y, u, v = state[0], state[1], state[2], state[3]
     r0, v0 = range_and_rate(x, y, u, v, out[0], out[1])
     r1, v1 = range_and_rate(x, y, u, v, back[0], back[1])
@@ -422,7 +423,7 @@ def linearise_path(state, out, back, axis, h, H, ll):
 
 @inlined
 def project(P, H, S, ll):
-    """S (m, m) = H P H', H (m, 4): the covariance of a predicted measurement without its errors."""
+    """Fill S (m, m) = H P H', H (m, 4): the covariance of a predicted measurement without measurement errors."""
     for i in range(len(ll)):
         for j in range(i + 1):
             total = 0.0
