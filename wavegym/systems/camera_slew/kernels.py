@@ -1,7 +1,8 @@
 """A camera that has to turn, in compiled form: turn, measure, track, and predict the value of a look.
 
-Shapes and arguments as in ``rf_eo/kernels.py``; c candidates. Only the camera on platform 0 measures azimuths, of
-targets in its image: ``low`` and ``high`` (p, 3) have no azimuth in view at first.
+Shapes and arguments are those of ``rf_eo/kernels.py``; c candidates. Only the camera, on platform 0, measures azimuths,
+of the targets in its image. Azimuths are therefore out of view in ``low`` and ``high`` (p, 3), until a kernel admits
+them.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -32,13 +33,13 @@ class Mount(NamedTuple):
 
     half: float  # half the field of view, rad
     turn: float  # greatest turn in one step, rad
-    settle: int  # steps
-    detection: float  # probability that a target in view is found
+    settle: int  # steps to settle after a large turn
+    detection: float  # probability that the camera finds a target in the image
 
 
 @inlined
 def turn_towards(azimuth, pointing, settling, mount):
-    """One step towards ``azimuth``: the pointing after it, the settle steps left, and whether the camera sees."""
+    """One step towards ``azimuth``: the new pointing, the remaining settle steps, and whether the camera sees."""
     off = wrapped(azimuth - pointing)
     after = wrapped(pointing + min(max(off, -mount.turn), mount.turn))
     if abs(off) > mount.half:
@@ -54,7 +55,7 @@ def in_image(azimuth, pointing, mount):
 
 @inlined
 def share_of(e, k, t, visible, mount):
-    """Probability that target t is found in step k if it is in the image: 0 behind cover."""
+    """Probability that the camera finds target t in step k if it is in the image: 0 if its line of sight is blocked."""
     return mount.detection if k < visible.shape[1] and visible[e, k, t] else 0.0
 
 
@@ -68,7 +69,7 @@ def scaled(A, factor, out, nn):
 
 @inlined
 def point_one(e, action, mean, F, pointing, settling, places, mount, x, nn):
-    """Predict the means x (e t, n) of all targets of environment e, and turn towards one: as ``turn_towards``."""
+    """Predict the means x (e t, n) of all targets of environment e and turn towards one; as ``turn_towards``."""
     targets = mean.shape[0] // action.shape[0]
     for i in range(e * targets, (e + 1) * targets):
         predict_mean_one(i, mean, F, 0, x, nn)
@@ -79,24 +80,24 @@ def point_one(e, action, mean, F, pointing, settling, places, mount, x, nn):
 
 @inlined
 def sense_one(e, k, t, i, x, truth, error, found, searched, places, rules, world, view, h, H, z, R):
-    """Measure truth[i]: fills z (a,) and the tracker's variances R (a,); returns the number of quantities received.
+    """Measure truth[i]: fill z (a,) and the tracker's variances R (a,); returns the number of quantities received.
 
     x[i]: predicted state. ``searched``: whether the camera searches an image for the target. ``world``: rules, mount
-    and view of the world. An azimuth is in the view only where the camera finds the target.
+    and view of the world. An azimuth is in view only if the camera finds the target.
     """
     true_rules, true_mount, true_view = world
     look_one(i, x, places, rules, h, H)
     seen = searched and found[e, k, t] < true_mount.detection
     true_view[1][0, AZIMUTH] = -true_mount.half if seen else np.inf
-    fence = true_view[0]  # not read: there are no penalties
+    fence = true_view[0]  # any array of this shape: there are no penalties, so nothing reads it
     return receive_one(t, i, truth, h, error[e, k], places, view, true_view, fence, rules, true_rules, z, R)
 
 
 @inlined
 def track_one(e, t, i, polar, S, density, z, R, searched, F, Q, places, rules, mount, x, P, p_out, S_out, scratch, nn):
-    """One step of the tracker for polar[i], S[i]: fills p_out[i], S_out[i] and their Cartesian moments x[i], P[i].
+    """One step of the tracker for polar[i], S[i]: fill p_out[i], S_out[i] and their Cartesian moments x[i], P[i].
 
-    The measurements of platform 0 are linear in p; those of other platforms need a few iterations.
+    The measurements of platform 0 are linear in p. Those of other platforms need a few iterations.
     """
     A, T, points, h, H, y, d, v = scratch
     predict_polar_one(i, polar, S, F[0], Q[0], density[e, t], p_out, S_out, points, A, T, nn)
@@ -117,7 +118,7 @@ def track_one(e, t, i, polar, S, density, z, R, searched, F, Q, places, rules, m
 
 @inlined
 def miss_image(i, p, S, pointing, mount, g, nn):
-    """Update with an image around ``pointing`` in which the target was not found."""
+    """Update p[i], S[i] with an image around ``pointing`` in which the camera did not find the target."""
     off = wrapped(pointing - p[i, AZIMUTH])
     miss_one(i, p, S, off - mount.half, off + mount.half, mount.detection, g, nn)
 
@@ -140,7 +141,7 @@ def transition(
 ):  # fmt: skip
     """One step of every environment; mean, polar, truth (e, t, n), P, S (e, t, n, n), received, unseen, seen (e, t).
 
-    Q and the world's noise factor belong to a process noise density of 1; density (e, t): the targets' own.
+    Q and the world's noise factor belong to a process noise density of 1. density (e, t): the densities of the targets.
     """
     (count, targets, n), rows, places = mean.shape, 3 * places.shape[0], places.copy()
     factor, h, H, z, R = np.empty((n, n)), np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty(rows)
@@ -174,7 +175,7 @@ def transition(
 
 @kernel
 def move(step, truth, density, process, F, L, truth_out, nn):
-    """Fill truth_out (e, t, n): all targets one step on; L belongs to a density of 1, density (e, t): their own."""
+    """Fill truth_out (e, t, n): all targets one step on. L belongs to a density of 1; density (e, t): the targets'."""
     targets, factor = truth.shape[1], np.empty(L.shape)
     truth, truth_out = rows_of(truth), rows_of(truth_out)
     for i in range(truth.shape[0]):
@@ -187,7 +188,7 @@ def move(step, truth, density, process, F, L, truth_out, nn):
 def sense(
     step, mean, pointing, settling, visible, truth, error, found, action, world, F, places, rules, mount, view, z, R, nn
 ):  # fmt: skip
-    """Fill z, R (e, t, a): what radars and camera measure of truth (e, t, n), after the camera has turned."""
+    """Fill z, R (e, t, a): measurements of truth (e, t, n) by radars and camera, after the camera has turned."""
     (count, targets, n), rows, places = mean.shape, 3 * places.shape[0], places.copy()
     h, H, x = np.empty(rows), np.empty((rows, n)), np.empty((count * targets, n))
     true_rules, true_mount, (true_variance, true_low, true_high) = world
@@ -207,7 +208,7 @@ def track(
     step, mean, P, polar, S, pointing, settling, density, visible, action, z, R, F, Q, places, rules, mount,
     x, P_out, polar_out, S_out, pointing_out, settling_out, nn
 ):  # fmt: skip
-    """Turn the camera and track with measurements z of variances R (e, t, a), infinite where nothing was received."""
+    """Turn the camera and track with measurements z of variances R (e, t, a), infinite for quantities not received."""
     (count, targets, _), places, scratch = mean.shape, places.copy(), scratch_for(z.shape[2], nn)
     mean, polar, x, polar_out, S, P_out, S_out = (
         rows_of(mean), rows_of(polar), rows_of(x), rows_of(polar_out), rows_of(S), rows_of(P_out), rows_of(S_out)
@@ -227,7 +228,7 @@ def track(
 
 @inlined
 def absorb_predicted(t, S, h, H, variance, low, high, rules, azimuth, v, nn):
-    """Update S[t] with the radars' quantities predicted in view, or with the camera's azimuth alone if ``azimuth``."""
+    """Update S[t] with the radars' quantities predicted in view, or only with the camera's azimuth if ``azimuth``."""
     for a in range(h.shape[1]):
         j, q = a // 3, a % 3
         seen = a == AZIMUTH if azimuth else low[j, q] <= h[t, a] <= high[j, q]
@@ -258,7 +259,7 @@ def predict(
 ):  # fmt: skip
     """Fill predicted beliefs x, polar_out (e, c, t, n), P_out, S_out (e, c, t, n, n), and the camera's state (e, c).
 
-    actions (e or 1, c); draws (e, c or 1, t), used where ``sampled``.
+    actions (e or 1, c); draws (e, c or 1, t), used if ``sampled``.
     """
     (count, candidates, targets), n, sx, sy = x.shape[:3], len(nn), places[0, 0], places[0, 1]
     A, T, points = np.empty((n, n)), np.empty((n, n)), np.empty((2 * n, n))
@@ -312,9 +313,9 @@ def predict(
 
 @kernel
 def delay(step, mean, pointing, settling, visible, F, places, mount, out, off, nn):
-    """Fill out (e, t), the steps without sight before the camera sees each target where it will be one step ahead.
+    """Fill out (e, t): the steps before the camera can see each target at its predicted place one step ahead.
 
-    They last until the camera has turned and settled and the target has come out of cover. off (e, t): the turn needed.
+    By then the camera has turned and settled, and the line of sight is free. off (e, t): the turn that it needs.
     """
     x = np.empty((mean.shape[1], len(nn)))
     for e in range(mean.shape[0]):
@@ -332,9 +333,9 @@ def delay(step, mean, pointing, settling, visible, F, places, mount, out, off, n
 def gain(step, mean, P, density, visible, wait, F, Q, M, places, rules, mount, view, out, nn):
     """Fill out (e, c), the reduction of the summed cost by one look at target c after ``wait`` (e, c) steps.
 
-    F, Q (w, n, n): transition of 1, 2, ... steps and noise of a density of 1; M (l, n, n): weights summed over as many
-    steps. All targets that will be in the image and in sight count. The radars' measurements up to the look count as if
-    all were taken with the look.
+    F, Q (w, n, n): transition of 1, 2, ... steps, and their noise at a density of 1. M (l, n, n): weights summed over
+    1, 2, ... steps. All targets that will be visible in the image count. The radars' measurements before the look count
+    as if they were taken with the look.
     """
     targets, n, (variance, low, high) = mean.shape[1], len(nn), view
     x, V, T, v = np.empty((targets, n)), np.empty((targets, n, n)), np.empty((n, n)), np.empty(n)

@@ -1,4 +1,4 @@
-"""The scene of the turning camera: its image on the map, and what blocks its line of sight."""
+"""The scene of the turning camera: its image on the map, and the obstacles in its line of sight."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class CameraScene(LookScene):
         self.system = system
 
     def draw_map(self, moment: Moment) -> None:
-        """Targets with their trails, the camera's image, and an obstacle before each target hidden in this step."""
+        """Draw targets and their trails, the camera's image, and an obstacle before each hidden target."""
         belief, trails = moment.states[-1].belief, trails_of(moment, PLANE, KILO)
         places = KILO * np.array(self.system.platforms)
         to_scale(self.map, np.concatenate([places.T, trails.points], axis=1))
@@ -56,7 +56,7 @@ class CameraScene(LookScene):
             self.map.plot(*place[:, None], color=f"C{j}", **PLATFORM)
 
     def _draw_obstacles(self, camera: Array, trails: Trails, hidden: Array) -> None:
-        """A bar across the line of sight to each target in ``hidden`` (target,) bool."""
+        """Draw a bar across the line of sight to each target in ``hidden`` (target,) bool."""
         half = 0.03 * np.ptp(self.map.get_xlim())
         for place in trails.truth[-1, hidden]:
             sight = place - camera
@@ -76,7 +76,7 @@ class CameraScene(LookScene):
         return Looks(chosen[:, None], np.array(found, np.bool_)[:, None])
 
     def report(self, moment: Moment) -> str:
-        """Where the camera turns, and which targets it found in this step."""
+        """The target of the camera's turn, and the targets that the camera found in this step."""
         now, target = moment.states[-1], int(moment.actions[-1][0]) + 1
         found = ", ".join(str(t + 1) for t in np.flatnonzero(now.truth.seen[0])) or "none"
         settling = int(now.belief.settling[0])

@@ -1,4 +1,4 @@
-"""What schedulers can do faster with a turning camera, and a step in compiled form."""
+"""Shortcuts of schedulers for a turning camera, and a step in compiled form."""
 
 from __future__ import annotations
 
@@ -44,17 +44,19 @@ def delay(system: CameraSlew, belief: Belief) -> Array:
 def gain(system: CameraSlew, belief: Belief, wait: Array | int, ahead: int) -> Array:
     """Reduction of the summed cost by one look at each target after ``wait`` steps.
 
-    The sum runs over ``ahead`` steps from the look on, and over all targets in the image then, each weighted with
-    the probability of being found. The radars' measurements before the look count as if taken with it; without
-    them, the gain of a look at a distant target would be overestimated. Their measurements after it are omitted.
+    The sum runs over ``ahead`` steps from the look on, and over all targets in the image, each weighted with the
+    probability that the camera finds it. The radars' measurements before the look count as if they were taken with it.
+    Without them, the gain of a look at a distant target would be overestimated. Measurements after the look do not
+    count.
 
     Args:
+        system: the system.
         belief: the belief.
         wait: steps before the look, (env, candidate) or a number.
         ahead: steps, including that of the look; fewer at the episode's end.
 
     Returns:
-        (env, candidate), 0 where the look would come after the episode's end.
+        (env, candidate), 0 if the look would come after the episode's end.
     """
     out = np.empty(belief.mean.shape[:2])
     waits = for_kernel(np.broadcast_to(wait, out.shape), np.int64)
@@ -68,7 +70,7 @@ def gain(system: CameraSlew, belief: Belief, wait: Array | int, ahead: int) -> A
 
 @shortcuts.measured_fields.register(CameraSlew)
 def measured_fields(system: CameraSlew) -> MeasuredFields:
-    """What the platforms reported last of each target; where the camera points, and whether it has settled."""
+    """The platforms' last report of each target, the camera's pointing, and whether the camera has settled."""
     return MeasuredFields(
         received_fields(system.targets, len(system.platforms)),
         received_values,

@@ -1,4 +1,4 @@
-"""Targets before a camera that has to turn: tape, truth, belief, and observation fields."""
+"""The state of platforms whose camera has to turn: tape, truth, measurements, belief, and observation fields."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from wavegym.systems.visibility_windows import window_fields
 class World(NamedTuple):
     """One episode's tape, uniform and standard normal."""
 
-    place: Array  # (target, 2) uniform: where in the region each target starts
-    velocity: Array  # (target, 2) normal
+    place: Array  # (target, 2) uniform: start of each target in the region
+    velocity: Array  # (target, 2) normal: first velocities
     start: Array  # (target, 4) normal: errors of the first estimates
-    process: Array  # (H, target, 4) normal: manoeuvres
+    process: Array  # (H, target, 4) normal: process noise
     error: Array  # (H, platform, target, 3) normal: measurement errors
     density: Array  # (target,) uniform: process noise density of each target
     window: Array  # (target, draws) uniform: windows of visibility
-    found: Array  # (H, target) uniform: the camera finds a target in view where the draw is below ``detection``
+    found: Array  # (H, target) uniform: the camera finds a target in view if the draw is below ``detection``
 
 
 class Truth(NamedTuple):
@@ -33,17 +33,17 @@ class Truth(NamedTuple):
     unseen: Array  # (env, target) int: steps since the camera found the target
     seen: Array  # (env, target) bool: whether the camera found the target in the last step
     q: Array  # (env, target) m^2/s^3: process noise density
-    window: Array | None = None  # (env, target) int: window of a recording; None where targets follow the motion model
+    window: Array | None = None  # (env, target) int: window of a recording; None if targets follow the motion model
 
 
 class Measurements(NamedTuple):
-    """What radars and camera report of one step, platform after platform: range, range-rate, azimuth.
+    """Measurements of radars and camera in one step, platform by platform: range (m), range-rate (m/s), azimuth (rad).
 
-    The azimuth is relative to where the camera points (rad); only the first platform has a camera.
+    The azimuth is relative to the camera's pointing. Only the first platform has a camera.
     """
 
-    z: Array  # (env, target, 3 platforms), 0 where nothing was received
-    variance: Array  # (env, target, 3 platforms) of their errors as the tracker assumes it; infinite: not received
+    z: Array  # (env, target, 3 platforms), 0 for quantities that were not received
+    variance: Array  # (env, target, 3 platforms) of the errors as the tracker assumes it; infinite: not received
 
 
 class Belief(NamedTuple):
@@ -55,11 +55,11 @@ class Belief(NamedTuple):
     polar_mean: Array  # (env, target, 4): range, range-rate, azimuth, velocity across the line of sight
     polar_covariance: Array  # (env, target, 4, 4)
     pointing: Array  # (env,) rad, clockwise from +y
-    settling: Array  # (env,) int: steps to settle that are left after the turn
+    settling: Array  # (env,) int: remaining steps to settle after the turn
     q: Array  # (env, target) m^2/s^3: process noise density
     visible: Array  # (env, H, target) bool: whether the line of sight from camera to target is free
-    memory: Any = None  # of another tracker that has one; None otherwise, and in prediction
-    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as such a tracker believes it
+    memory: Any = None  # of a user's tracker with a memory; otherwise, and in predictions, None
+    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as a user's tracker assumes it; None: q
 
 
 def camera_fields(targets: int) -> tuple[ObservationField, ...]:
@@ -81,12 +81,12 @@ def camera_fields(targets: int) -> tuple[ObservationField, ...]:
 
 
 def platform_belief(belief: Belief, earlier_noise: Array, platforms: int) -> PlatformBelief:
-    """The belief for the platform system, whose noise density is 1, so that it predicts with each target's own density.
+    """The belief for the platform system, whose noise density is 1, such that it predicts with each target's density.
 
     Args:
         belief: the belief.
-        earlier_noise: F^-1 Q F'^-1, (4, 4): one step's noise as if it had come a step earlier.
-        platforms: their number; all look along +y.
+        earlier_noise: F^-1 Q F'^-1, (4, 4): the noise of one step, referred to the state before it.
+        platforms: number of platforms; all look along +y.
     """
     extra = (belief.q - 1.0)[:, :, None, None] * earlier_noise
     looks = np.zeros((len(belief.step), platforms))

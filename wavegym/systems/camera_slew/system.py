@@ -1,4 +1,4 @@
-"""RF/EO platforms whose camera has to turn, which costs steps without measurements."""
+"""RF/EO platforms whose camera has to turn. A turn costs steps without azimuths."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from wavegym.waveforms import PulseTiming
 
 LONGEST = 10_000  # steps: the system keeps a transition matrix for each number of steps
 LOST_AFTER = 30  # steps in which the camera has not found a target
-CHANGING = Belief._fields[1:7]  # what a step changes: two forms of the estimate, and the camera
+CHANGING = Belief._fields[1:7]  # the fields that a step changes: two forms of the estimate, and the camera
 
 Distance = Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]
 
@@ -60,23 +60,24 @@ class CameraSlew(LookSystem, TimedPulses):
         of every target, but no azimuth. The camera on the first platform measures the azimuths of the targets in its
         image.
 
-        An action names the target to look at. The camera turns towards its predicted azimuth at up to ``slew`` rad/s. A
-        turn of more than half the field of view blinds the camera until it has arrived and settled for ``settle``
-        steps. A smaller turn, to follow a target, does not. The camera finds a target in the image with probability
-        ``detection`` (haze, foliage, glare). Clouds, smoke or tree lines block its line of sight to a target in windows
-        known in advance; the radar sees through them. The process noise density of each target is also known. There is
-        one waveform: r |rdot| stays below c lambda / 8, so a single pulse repetition frequency measures both range and
-        range-rate without ambiguity.
+        An action names the target to look at. The camera turns towards its predicted azimuth at up to ``slew`` rad/s.
+        After a turn of more than half the field of view, the camera sees nothing until it has arrived and settled for
+        ``settle`` steps. During smaller turns, which follow a target, it continues to see. The camera finds a target in
+        the image with probability ``detection`` (haze, foliage, glare). In windows known in advance, clouds, smoke or
+        tree lines block its line of sight to a target; the radar sees through them. The process noise density of each
+        target is also known. There is one waveform: r |rdot| stays below c lambda / 8, so a single pulse repetition
+        frequency measures both range and range-rate without ambiguity.
 
         Without the camera, the uncertainty of a target grows in cross-range, and its posterior bends along a circle
         about the radar. The tracker is a Kalman filter in polar coordinates about the first platform [r, rdot, azimuth,
-        cross velocity], in which its measurements are linear. Sigma points carry the estimate through the motion. A
-        look that does not find a target is evidence against the azimuths in the image. The belief holds the polar
-        Gaussian and its exact Cartesian mean and covariance. Another tracker (``tracker``) gets ranges, range-rates and
-        directions. It is not told that a look found nothing, because a scan holds detections only.
+        cross velocity], in which the measurements of this platform are linear. Sigma points carry the estimate through
+        the motion. If a look does not find a target, the azimuths in the image become less likely. The belief holds the
+        polar Gaussian and its exact Cartesian mean and covariance. A ``tracker`` of your own receives ranges,
+        range-rates and directions. It does not learn from a look without a detection, because a scan contains only
+        detections.
 
     Rewards
-        -trace(Lambda P) summed over the targets, Lambda = diag(weights): m^2, with 1 s^2 on the velocities.
+        -trace(Lambda P) summed over the targets, in m^2. Lambda is diag(weights). The weights of velocities are in s^2.
 
     Starting state
         Targets are uniform in azimuth (``sector``) and range (``ranges``) around the first platform. Their velocities
@@ -143,7 +144,7 @@ class CameraSlew(LookSystem, TimedPulses):
 
     @cached_property
     def loop(self) -> RfEo:
-        """The RF/EO system of these platforms at one setting and with a noise density of 1.
+        """The RF/EO system of these platforms, with one setting and a noise density of 1.
 
         It supplies the motion model, the geometry and a part of the observation.
         """
@@ -159,7 +160,7 @@ class CameraSlew(LookSystem, TimedPulses):
 
     @property
     def motion(self) -> MotionModel:
-        """The targets' motion model at a density of 1, of the tracker; ``truth_model.motion`` is the world's."""
+        """The motion model that the tracker assumes, at a density of 1; ``truth_model.motion`` is that of the world."""
         return self.loop.motion
 
     @cached_property
@@ -173,7 +174,7 @@ class CameraSlew(LookSystem, TimedPulses):
 
     @cached_property
     def _rules(self) -> Rules:
-        """The scalars of the RF/EO kernels; no penalties."""
+        """The scalars of the RF/EO kernels, without penalties."""
         law = (self.loop.wavelength, self.fft_length, self.pixels, False, self.iterations)
         return Rules(KINDS["hard"], self.nearest_range, 0.0, False, *law)
 
@@ -185,7 +186,7 @@ class CameraSlew(LookSystem, TimedPulses):
 
     @cached_property
     def _view(self) -> tuple[Array, Array, Array]:
-        """Variance, low and high of every platform's quantities, (platform, 3); only the kernels admit an azimuth."""
+        """Variance, low and high of every platform's quantities, (platform, 3). Azimuths are out of view."""
         one = self.loop.action_set.view(np.array([self.prf, self.bandwidth, 2.0 * self.half_field / self.pixels]))
         variance, low, high = (np.tile(part, (len(self.platforms), 1)) for part in one)
         low[:, kernels.AZIMUTH] = np.inf
@@ -203,13 +204,13 @@ class CameraSlew(LookSystem, TimedPulses):
 
     @cached_property
     def _earlier_noise(self) -> Array:
-        """F^-1 Q F'^-1: one step's noise as if it had come a step earlier."""
+        """F^-1 Q F'^-1: the noise of one step, referred to the state before it."""
         back = np.linalg.inv(self.motion.F)
         return back @ self.motion.Q @ back.T
 
     @property
     def timings(self) -> dict[str, PulseTiming]:
-        """The radars' train, of pulses of 1/B."""
+        """The radars' train. A pulse lasts 1/B."""
         train = PulseTiming(
             duration=1.0 / self.bandwidth, carrier_hz=self.carrier_hz, interval=1.0 / self.prf, count=self.fft_length
         )
@@ -221,7 +222,7 @@ class CameraSlew(LookSystem, TimedPulses):
         return self.loop.duration_means
 
     def target_ranges(self, world: World) -> Array:
-        """Of every target at every platform, (env, target, step, platform, 2)."""
+        """Range and range-rate of every target at every platform, (env, target, step, platform, 2)."""
         return ranges_of_moving_targets(self, world, self.platforms)
 
     def draw_world(self, rng: np.random.Generator) -> World:
@@ -242,12 +243,12 @@ class CameraSlew(LookSystem, TimedPulses):
         return np.stack([x + r * np.sin(azimuth), vx, y + r * np.cos(azimuth), vy], axis=-1)
 
     def _first_truth(self, world: World, targets: Array, q: Array, window: Array | None) -> Truth:
-        """The camera has found no target yet."""
+        """The truth at step 0, when the camera has found no target yet."""
         nothing = np.zeros(q.shape, np.int64)
         return Truth(targets, nothing, nothing.copy(), np.zeros(q.shape, np.bool_), q, window)
 
     def _first_belief(self, world: World, truth: Truth, estimate: Estimate, q: Array) -> Belief:
-        """The camera looks along +y."""
+        """The belief at step 0, when the camera looks along +y."""
         step, (mean, covariance, *_) = np.zeros(len(q), np.int64), estimate
         visible = visibility(self, world.window, self.targets)
         p, S = to_polar(mean, covariance, self.loop.places[0])
@@ -277,7 +278,7 @@ class CameraSlew(LookSystem, TimedPulses):
         return moved
 
     def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
-        """What radars and camera report, after the camera has turned towards the target ``action``."""
+        """The measurements of radars and camera, after the camera has turned towards the target ``action``."""
         z = np.empty((*truth.unseen.shape, 3 * len(self.platforms)))
         variance = np.empty(z.shape)
         F, _, *scene = self._scene
@@ -297,7 +298,7 @@ class CameraSlew(LookSystem, TimedPulses):
     def _scans(self, belief: Belief, after: Belief, action: Array, measurements: Measurements) -> list[Scan]:
         """Range and range-rate of every platform, and the direction of the targets that the camera found.
 
-        The direction is a unit vector: it has no jump, as an azimuth has.
+        The direction is a unit vector, because an azimuth jumps by 2 pi.
         """
         z, variance = measurements
         present = np.isfinite(variance)
@@ -325,7 +326,7 @@ class CameraSlew(LookSystem, TimedPulses):
         return Truth(truth.targets, received.sum(axis=2), unseen, seen, truth.q, truth.window)
 
     def _ahead(self, belief: Belief, actions: Array, draws: Array | None) -> dict[str, Array]:
-        """A target in the image is found where its draw is below ``detection``."""
+        """The predicted fields. With draws, the camera finds a target in view if its draw is below ``detection``."""
         fresh = self._empty((len(belief.step), actions.shape[1]))
         given = np.empty((1, 1, self.targets)) if draws is None else draws
         kernels.predict(
@@ -364,8 +365,8 @@ class CameraSlew(LookSystem, TimedPulses):
         """Figures of each target and of the camera.
 
         For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4), ``received``
-        (quantities measured in this step), ``found`` (by the camera in this step) and ``lost`` (not found for more than
-        thirty steps). For the camera: ``pointing`` (rad) and ``settling`` (steps).
+        (number of quantities measured in this step), ``found`` (by the camera in this step) and ``lost`` (not found for
+        more than thirty steps). For the camera: ``pointing`` (rad) and ``settling`` (remaining steps).
         """
         truth, belief = state
         return {
