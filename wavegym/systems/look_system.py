@@ -1,4 +1,4 @@
-"""What systems share in which one sensor looks at one target at a time and targets are hidden in known windows."""
+"""The common base of systems with one sensor that looks at one target at a time, while windows hide targets."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ LEAST_DENSITY = 1e-12  # m^2/s^3: an observation contains its logarithm
 class LookSystem(System, PlaysRecordings):
     """Parameters, targets, tracker and cost of ``CameraSlew`` and ``SectorSetup``.
 
-    The state of a target is [x xdot y ydot] (m, m/s); targets differ in their process noise density. A belief has the
+    The state of a target is [x xdot y ydot] (m, m/s). Targets differ in their process noise density. A belief has the
     fields of an ``Estimate``, the densities ``q`` and the windows of visibility, ``visible``. A subclass adds the
     sensor.
     """
@@ -86,17 +86,17 @@ class LookSystem(System, PlaysRecordings):
 
     @property
     def motion(self) -> MotionModel:
-        """The targets' motion model at a density of 1, of the tracker; ``truth_model.motion`` is the world's."""
+        """The motion model that the tracker assumes, at a density of 1; ``truth_model.motion`` is that of the world."""
         raise NotImplementedError
 
     @cached_property
     def _own_tracker(self) -> Tracker | None:
-        """The given tracker; None for the compiled filter."""
+        """The user's tracker; None for the compiled filter."""
         return own_tracker(self.tracker, ("kalman",))
 
     @cached_property
     def linear_cost(self) -> LinearCost:
-        """The cost as a function of the covariance, and the targets' transition."""
+        """F and Lambda: the targets' transition matrix, and the weights of the cost."""
         return LinearCost(self.motion.F, self.weights)
 
     @cached_property
@@ -105,7 +105,7 @@ class LookSystem(System, PlaysRecordings):
 
     @property
     def _recorded_shape(self) -> tuple[int, int]:
-        """Targets, and steps."""
+        """Number of targets, and number of steps."""
         return self.targets, self.horizon
 
     def _densities(self, world: Any) -> Array:
@@ -113,7 +113,7 @@ class LookSystem(System, PlaysRecordings):
         return self.q[0] * np.exp(math.log(self.q[1] / self.q[0]) * world.density)
 
     def initial(self, world: Any) -> State:
-        """The targets' starts, and the first estimates around them."""
+        """The first true states of the targets, and the first estimates around them."""
         (count, T), real = world.density.shape, self.truth_model
         recorded, window = real._recorded, None
         if recorded:
@@ -166,15 +166,15 @@ class LookSystem(System, PlaysRecordings):
         raise NotImplementedError
 
     def _scans(self, belief: Any, after: Any, action: Array, measurements: Any) -> list[Scan]:
-        """The measurements as another tracker takes them; ``after``: the belief after the step, whose sensor counts."""
+        """The measurements as scans for a user's tracker; ``after``: the belief after the step (the sensor's state)."""
         raise NotImplementedError
 
     def _with_estimate(self, belief: Any, estimate: Estimate) -> Any:
-        """``belief`` with another tracker's estimate."""
+        """``belief`` with the estimate of a user's tracker."""
         return belief._replace(**estimate._asdict())
 
     def _expected(self, belief: Any) -> Any:
-        """The belief as schedulers take it: a tracker's process noise as the densities that come nearest to it."""
+        """The belief for schedulers, in which densities approximate the process noise of a user's tracker."""
         if belief.process_noise is None:
             return belief
         Q = self.motion.Q
@@ -182,13 +182,13 @@ class LookSystem(System, PlaysRecordings):
         return belief._replace(q=np.maximum(density, LEAST_DENSITY))
 
     def predict(self, belief: Any, actions: Array, outcome: Array | None = None) -> Any:
-        """The belief one step ahead: predicted means, and covariances after a look at what is predicted in view.
+        """The belief one step ahead: predicted means, and covariances after a look at the targets predicted in view.
 
         Args:
             belief: the belief.
             actions: (env,) or (env or 1, candidate).
-            outcome: None for the mean covariance over all outcomes, or uniform draws (env[, candidate],
-                *outcome_shape): an event happens where its draw is below its probability.
+            outcome: None for the mean covariance over all outcomes, or uniform draws
+                (env[, candidate], *outcome_shape): an event happens if its draw is below its probability.
         """
         several = actions.ndim == 2
         chosen = actions if several else actions[:, None]
@@ -221,5 +221,5 @@ class LookSystem(System, PlaysRecordings):
 
 @shortcuts.linear_cost.register(LookSystem)
 def linear_cost(system: LookSystem) -> LinearCost:
-    """All targets have the same motion model except for their process noise."""
+    """F and Lambda. The motion models of the targets differ only in their process noise."""
     return system.linear_cost
