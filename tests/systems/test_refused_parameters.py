@@ -111,7 +111,7 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"tracker": ExtendedKalman}, r"expected an object with predict.*nearest: OneByOne\(filter\)"),
         ({"receivers": ()}, r"receivers is \(\): Tuple should have at least 1 item"),
         ({"waveforms": ()}, r"waveforms is \(\): Tuple should have at least 1 item"),
-        ({"waveforms": ((12.0, 1.0),) * 2}, "expected different waveforms"),
+        ({"waveforms": ((12.0, 1.0),) * 2}, "expected each waveform once"),
         ({"windows": ((4, 0, 3),)}, r"target of hidden window \(4, 0, 3\) is 4.*nearest: 3"),
         ({"hidden": (5, 4)}, r"hidden is \(5, 4\)"),
         ({"q": (2.0, 1.0)}, r"q is \(2, 1\).*nearest: \(1, 2\)"),

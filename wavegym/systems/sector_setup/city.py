@@ -22,9 +22,9 @@ from wavegym.systems.sector_setup.state import Belief, World, sector_fields
 from wavegym.systems.sector_setup.system import Point, SectorSetup
 from wavegym.systems.sector_setup.visibility_kernels import BLUR
 
-PLACES = 48  # of a target, at which it may be hidden
-FEW_PLACES = 24  # the same where many steps are predicted
-FARTHEST = 1e7  # m: where the map of targets that drive on ends
+PLACES = 48  # points of a target's distribution, for which visibility is evaluated
+FEW_PLACES = 24  # the same for predictions of many steps
+FARTHEST = 1e7  # m: limit of the map for targets that drive out of the city
 
 
 @system_parameters
@@ -34,12 +34,12 @@ class SectorSetupCity(SectorSetup):
     Description
         As wavegym/SectorSetup-v0, with two roads behind a row of boards. Targets start anywhere on the roads, right of
         the centre line, and drive along them. A target is hidden if, at the end of a step, a building stands between
-        its true position and the illuminator or a receiver. These times are unknown.
+        its true position and the illuminator or a receiver. The times at which targets are hidden are unknown.
 
         Tracker and schedulers know the map and the estimates. At each step they predict the probability that a target
-        is visible. The tracker learns from every look: a detection shows that the target was visible, and a miss that
-        it was probably hidden. Another tracker (``tracker``) is not told that a look found nothing, because a scan
-        holds detections only. With ``windows`` the times are given and known in advance, and buildings hide nothing.
+        is visible. The tracker learns from every look: a detection shows that the target was visible, and a miss shows
+        that it was probably hidden. A ``tracker`` of your own does not learn from a miss, because a scan contains only
+        detections. With ``windows`` the times are given and known in advance, and buildings hide nothing.
 
     Rewards
         As wavegym/SectorSetup-v0.
@@ -132,13 +132,13 @@ class SectorSetupCity(SectorSetup):
 
     @cached_property
     def observation_fields(self) -> tuple[ObservationField, ...]:
-        """As in SectorSetup; where visibility is predicted, its probability."""
+        """As in SectorSetup; if visibility is predicted, with its probability."""
         known = self._times_are_known
         return sector_fields(self.targets, len(self.receivers), self.dead_steps, foretold=not known)
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:
-        """As in SectorSetup; where visibility is predicted, a draw of the target's place comes first."""
+        """As in SectorSetup; if visibility is predicted, a draw of the target's place comes first."""
         return super().outcome_shape if self._times_are_known else (1 + len(self.receivers),)
 
     def _visible(self, world: World, true_states: Array) -> Array:
@@ -159,13 +159,13 @@ class SectorSetupCity(SectorSetup):
         return states[..., ::2]
 
     def _known(self, world: World, true_states: Array, visible: Array) -> Array:
-        """As in SectorSetup; all True where visibility is predicted, because the times are unknown."""
+        """As in SectorSetup; all True if visibility is predicted, because the times are unknown."""
         return super()._known(world, true_states, visible) if self._times_are_known else np.ones_like(visible)
 
     def visible_ahead(self, belief: Belief, steps: int) -> Array:
         """Probability that each target is visible in each of the next steps, (env, steps, target).
 
-        From the estimate, its covariance and the map, without further looks. 0 after the end of the episode.
+        It follows from the estimate, its covariance and the map, without further looks. 0 after the end of the episode.
 
         Raises:
             InputError: fewer than one step.
@@ -178,8 +178,8 @@ class SectorSetupCity(SectorSetup):
 def spread_places(count: int) -> Array:
     """Points (count, 2) of equal weight on a sunflower's spiral, for the kernels of ``visibility_kernels``.
 
-    Mean 0 and covariance 1 - BLUR times the identity: with the blur of each point they have the moments of a standard
-    normal distribution.
+    They have the mean 0 and the covariance 1 - BLUR times the identity. With the blur of each point they have the
+    moments of a standard normal distribution.
     """
     share, golden = (np.arange(count) + 0.5) / count, np.pi * (3.0 - np.sqrt(5.0))
     angle, radius = golden * np.arange(count), np.sqrt(-2.0 * np.log1p(-share))

@@ -1,9 +1,10 @@
 """Kernels of the closed loop of one illuminator and its receivers: move, set up, measure, track.
 
 Shapes: e environments, t targets, j receivers, a = 2 j measured quantities, (range, range-rate) receiver by receiver, n
-= 4 states [x xdot y ydot]. ``visible`` (e, k, t): whether a target is visible in step k; after the last step none is.
-Where visibility is foretold, the tracker is not told (``visibility_kernels.py``). Arrays come one by one: Numba takes
-microseconds to look at each field of a NamedTuple.
+= 4 states [x xdot y ydot]. ``visible`` (e, k, t): whether a target is visible in step k; no target is visible after the
+last step. Visibility is either known in advance or predicted with the map (``visibility_kernels.py``); the tracker
+reads ``visible`` only if it is known. Arrays are separate arguments, because Numba takes microseconds to unpack each
+field of a NamedTuple.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -25,7 +26,7 @@ from wavegym.trackers.sigma_point_kernels import regress_one, sigma_points_one, 
 
 PLACE = (0, 2)  # elements of [x xdot y ydot] on which a range depends
 ALL = (0, 1, 2, 3)  # elements on which a range-rate depends
-SECOND_ORDER = 0.2  # standard deviations: a greater linearisation error makes the update iterate
+SECOND_ORDER = 0.2  # standard deviations: above this linearisation error the update iterates
 CONVERGED = 0.1  # standard deviations: the iteration ends when the estimate moves by less
 
 
@@ -41,14 +42,14 @@ class Radar(NamedTuple):
     turn_rate: float
     dead_steps: int
     iterations: int
-    table: SightTable  # of what buildings hide; no columns where the times are known
+    table: SightTable  # of the places that buildings hide; without columns if the times of visibility are known
     places: NDArray[np.float64]  # (p, 2) of ``visibility_kernels``
     few: NDArray[np.float64]  # the same, fewer
 
 
 @inlined
 def turn(pointed, dead, target, dead_steps):
-    """(target set up, dead steps left, whether a pulse is sent) after a step with the action ``target``."""
+    """(target set up, remaining dead steps, whether a pulse is sent) after a step with the action ``target``."""
     if target != pointed:
         dead = dead_steps
     return target, max(dead - 1, 0), dead == 0
@@ -62,9 +63,10 @@ def is_visible(e, k, t, visible):
 
 @inlined
 def turning(tau, turn_rate):
-    """Displacement along and aside of a unit velocity after tau seconds, and the cosine and sine of its angle then.
+    """Displacement along and across a unit velocity after tau seconds, and the cosine and sine of the angle turned.
 
-    The elements of ``constant_turn``'s F; bit for bit those of ``constant_velocity`` at a turn rate of 0.
+    These are the elements of ``constant_turn``'s F. At a turn rate of 0 they equal those of ``constant_velocity`` bit
+    for bit.
     """
     if turn_rate == 0.0:
         return tau, 0.0, 1.0, 0.0
@@ -84,10 +86,10 @@ def coast_mean_one(i, x, tau, turn_rate, o, x_out):
 
 @inlined
 def coast_one(i, P, tau, turn_rate, q, o, P_out):
-    """P_out[o] = F P[i] F' + Q over tau seconds of white acceleration of density q: 64 products instead of 128.
+    """P_out[o] = F P[i] F' + Q over tau seconds of white acceleration of density q.
 
-    The motion model is ``constant_turn(tau, q, turn_rate)``, whose F only rotates a velocity and adds its displacement.
-    P_out[o] may be P[i].
+    The motion model is ``constant_turn(tau, q, turn_rate)``. Its F only rotates a velocity and adds its displacement,
+    so 64 products are enough instead of 128. P_out[o] may be P[i].
     """
     along, aside, c, s = turning(tau, turn_rate)
     for b in range(4):
@@ -112,9 +114,10 @@ def coast_one(i, P, tau, turn_rate, q, o, P_out):
 
 @inlined
 def look_one(i, x, j, radar, h, H):
-    """eta of x[i] at receiver j; rows 2 j and 2 j + 1 of h (a,), H (a, n): half the path, its rate, their gradients.
+    """Return eta of x[i] at receiver j; fill rows 2 j and 2 j + 1 of h (a,), H (a, n).
 
-    A leg shorter than ``nearest`` counts as ``nearest`` in the SNR and in the turn rate of its direction.
+    The rows are half the path, its rate, and their gradients. A leg shorter than ``nearest`` counts as ``nearest`` in
+    the SNR and in the turn rate of its direction.
     """
     for row in (2 * j, 2 * j + 1):
         h[row] = 0.0
@@ -158,11 +161,11 @@ class Scratch(NamedTuple):
 
     h: NDArray[np.float64]  # (a,) predicted measurements
     H: NDArray[np.float64]  # (a, n) their Jacobian, or the slopes of their regression
-    R: NDArray[np.float64]  # (a,) variances, infinite where a receiver did not detect
+    R: NDArray[np.float64]  # (a,) variances, infinite for receivers without a detection
     y: NDArray[np.float64]  # (a,) innovations
     d: NDArray[np.float64]  # (n,) correction of the mean
-    v: NDArray[np.float64]  # (n,) gain before its division
-    at: NDArray[np.float64]  # (1, n) estimate around which the measurements are regressed
+    v: NDArray[np.float64]  # (n,) gain before division by the innovation variance
+    at: NDArray[np.float64]  # (1, n) estimate around which the measurements are linearised
     prior: NDArray[np.float64]  # (n, n)
     A: NDArray[np.float64]  # (n, n) Cholesky factor
     points: NDArray[np.float64]  # (2 n, n)
@@ -172,7 +175,7 @@ class Scratch(NamedTuple):
 
 @inlined
 def scratch(receivers, n):
-    """New ``Scratch`` for so many receivers and n states."""
+    """New ``Scratch`` for this number of receivers and n states."""
     rows = 2 * receivers
     return Scratch(
         np.empty(rows), np.empty((rows, n)), np.empty(rows), np.empty(rows), np.empty(n), np.empty(n),
@@ -194,9 +197,9 @@ def move_one(e, k, targets, q, process, L, radar, targets_out, nn):
 
 @inlined
 def measure_one(e, k, t, w, sent, targets, visible, uniform, error, radar, z, seen, G):
-    """Fill z (e, a), and seen (e, j): whether a receiver detects target t; z is 0 where it does not.
+    """Fill z (e, a), and seen (e, j): whether a receiver detects target t; z is 0 if it does not.
 
-    SNR, Pd and errors follow from the truth, ``targets`` (e, t, n). G (a, n) is scratch space.
+    SNR, Pd and errors depend on the truth, ``targets`` (e, t, n). G (a, n) is scratch space.
     """
     shown = sent and is_visible(e, k, t, visible)
     for j in range(seen.shape[1]):
@@ -214,8 +217,8 @@ def measure_one(e, k, t, w, sent, targets, visible, uniform, error, radar, z, se
 def curved_one(i, x, P, j, R, eta, radar):
     """Whether second-order terms of the quantities of receiver j matter over the prior's spread; R (a,): variances.
 
-    For a displacement d across the line of sight and a leg r, the second-order term of a range is d^2 / 2r; those of
-    its rate are d / r times the velocity's spread, and d^2 / 2r^2 times the speed. r is the legs' geometric mean.
+    For a displacement d across the line of sight and a leg r, the second-order term of a range is d^2 / 2r. Those of
+    its rate are d / r times the velocity's spread, and d^2 / 2r^2 times the speed. r is the geometric mean of the legs.
     """
     spread, restless = P[i, 0, 0] + P[i, 2, 2], P[i, 1, 1] + P[i, 3, 3]
     squared_speed = x[i, 1] * x[i, 1] + x[i, 3] * x[i, 3]
@@ -227,10 +230,11 @@ def curved_one(i, x, P, j, R, eta, radar):
 
 @kernel
 def iterate_one(i, x, P, w, z, seen, radar, work, nn):
-    """Posterior linearisation of the prediction x[i], ``work.prior``, from the estimate ``work.at``, P[i] on.
+    """Posterior linearisation of the prediction x[i], ``work.prior``; it starts from the estimate ``work.at``, P[i].
 
-    Ends when the estimate moves by less than CONVERGED standard deviations, or after ``radar.iterations``, of which the
-    first gave that estimate. Error variances are means over the estimate's spread, too.
+    The iteration ends when the estimate moves by less than CONVERGED standard deviations, or after
+    ``radar.iterations``. The first of these gave the estimate at the start. Error variances are also means over the
+    estimate's spread.
     """
     h, H, R, y, d, v, at, prior, A, points, Z, _ = work
     for _ in range(1, radar.iterations):
@@ -250,7 +254,8 @@ def iterate_one(i, x, P, w, z, seen, radar, work, nn):
 def update_one(i, x, P, w, z, seen, radar, work, nn):
     """Update the prediction x[i], P[i] with the measurements z (a,) of the receivers that detect, seen (j,).
 
-    An extended Kalman filter with the predicted SNR; where the measurements are curved, the iteration goes on from it.
+    This is an extended Kalman filter with the predicted SNR. If the measurements are curved, posterior linearisation
+    iterates from its estimate.
     """
     curved = False
     for j in range(len(seen)):
@@ -272,10 +277,11 @@ def update_one(i, x, P, w, z, seen, radar, work, nn):
 
 @kernel
 def notice_one(i, x, P, found, last, radar, work, nn):
-    """Update x[i], P[i] with what a look says of the place: in sight of all sites if ``found``, perhaps hidden if not.
+    """Update x[i], P[i] with the visibility that a look indicates.
 
-    A look that finds nothing has the likelihood 1 - Pd v: Pd of any receiver, at the predicted place. ``last``: what
-    the last step's look at this target found, 1, nothing, -1, or 0 without a look.
+    If the target was ``found``, it is in sight of all sites. If not, it may be hidden: the likelihood is 1 - Pd v. Pd
+    is the probability that any receiver detects a target at the predicted place. ``last``: 1 if the look of the last
+    step at this target found it, -1 if it found nothing, 0 without a look.
     """
     sight_one(i, x, P, 0 if found else last, radar, work.sight)
     if found:
@@ -289,10 +295,10 @@ def notice_one(i, x, P, found, last, radar, work, nn):
 
 @inlined
 def track_one(e, t, w, sent, last, mean, P, q, z, seen, radar, x, P_out, work, nn):
-    """x[e], P_out[e]: all targets of environment e one step on, and target t updated where a receiver detects it.
+    """Fill x[e], P_out[e]: all targets of environment e one step on, and target t updated if a receiver detects it.
 
-    ``sent``: whether the target was illuminated, which says something of its place where visibility is foretold;
-    ``last``: see ``notice_one``. Returns the same of this step's look.
+    ``sent``: whether target t was illuminated. If visibility is predicted, such a look changes the estimate even
+    without a detection. ``last``: see ``notice_one``. Returns this value for the look of this step.
     """
     for i in range(x.shape[1]):
         coast_mean_one(i, mean[e], radar.dt, radar.turn_rate, i, x[e])
@@ -331,7 +337,7 @@ def measure(
 def track(
     mean, P, pointed, dead, q, looked, target, waveform, z, seen, radar, x, P_out, pointed_out, dead_out, looked_out, nn
 ):  # fmt: skip
-    """Fill the belief one step later from z (e, a) and seen (e, j). ``radar`` is the one that the tracker assumes."""
+    """Fill the belief one step later from z (e, a) and seen (e, j). ``radar`` is the tracker's."""
     work = scratch(seen.shape[1], len(nn))
     for e in range(len(target)):
         t, w = target[e], waveform[e]

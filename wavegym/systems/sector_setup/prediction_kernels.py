@@ -1,6 +1,7 @@
-"""Kernels that predict the effect of looks. Shapes and arguments as in ``kernels.py``.
+"""Kernels that predict the effect of looks.
 
-c candidates; ``target`` and ``waveform`` (c,) or (e, c) of each candidate.
+Shapes and arguments are those of ``kernels.py``. There are c candidates; ``target`` and ``waveform`` of each candidate
+are (c,) or (e, c).
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -65,9 +66,9 @@ def look_all(i, x, radar, work):
 
 @kernel
 def expect(i, P, w, radar, clear, P_missed, work, o, P_out, nn):
-    """P_out[o]: mean of P[i] over all combinations of receivers that detect waveform w; P_missed[i]: if none does.
+    """Fill P_out[o] with the mean of P[i] over all combinations of receivers that detect waveform w.
 
-    ``clear``: probability that the target is visible.
+    P_missed[i]: the covariance if no receiver detects it. ``clear``: probability that the target is visible.
     """
     eta, pd, _, H, V, v = work
     P_out[o] = 0.0
@@ -91,7 +92,7 @@ def expect(i, P, w, radar, clear, P_missed, work, o, P_out, nn):
 def absorb_place(i, x, P, detected, w, radar, work, d, truth, nn):
     """Update x[i], P[i] with waveform w at the receivers whose bit is set, as if x + ``truth`` were measured exactly.
 
-    The mean of what a detection says: the estimate goes where the target is. d (n,) is scratch space.
+    This is the mean over measurement errors: the estimate moves towards the target. d (n,) is scratch space.
     """
     eta, _, _, H, _, v = work
     for a in range(len(nn)):
@@ -110,10 +111,11 @@ def absorb_place(i, x, P, detected, w, radar, work, d, truth, nn):
 
 @kernel
 def draw_one(i, x, P, w, draws, last, radar, work, d, sight, truth, nn):
-    """Update x[i], P[i] with the look that uniform draws decide: a receiver detects where its draw is below Pd.
+    """Update x[i], P[i] with a look whose outcome uniform draws decide: a receiver detects if its draw is below Pd.
 
-    Where visibility is foretold, the first draw picks a place of the target, seen if it is visible. A look that finds
-    nothing changes the estimate as in the tracker. Returns 1 if it finds the target, and -1 if nothing.
+    If visibility is predicted, the first draw picks a place of the target. Receivers can detect it only if this place
+    is visible. A look that finds nothing changes the estimate as in the tracker. Returns 1 if the look finds the
+    target, -1 if it finds nothing.
     """
     first, detected = len(draws) - len(work[1]), 0
     if first == 0 or drawn_place(i, x, P, draws[0], last, radar, truth, nn):
@@ -133,7 +135,7 @@ def draw_one(i, x, P, w, draws, last, radar, work, d, sight, truth, nn):
 
 @inlined
 def look_ahead(t, x, P, last, radar, work, sight, P_missed, nn):
-    """Write a look at target t to ``work``, and to P_missed[t] the covariance if it finds nothing.
+    """Write a look at target t to ``work``, and the covariance if the look finds nothing to P_missed[t].
 
     Returns the probability that the target is visible.
     """
@@ -153,7 +155,7 @@ def predict(
 ):  # fmt: skip
     """One step ahead for every candidate: x_out (e, c, t, n), P_out (e, c, t, n, n); pointed_out ... looked_out (e, c).
 
-    target, waveform (e or 1, c); draws (e, c or 1, j) uniform, where visibility is foretold (e, c or 1, 1 + j), or
+    target, waveform (e or 1, c); draws (e, c or 1, j) uniform, or (e, c or 1, 1 + j) if visibility is predicted, or
     (e, c or 1, 0) for the expected outcome.
     """
     (count, candidates, targets, n), receivers = x_out.shape, len(radar.sites) - 1
@@ -193,9 +195,10 @@ def predict(
 
 @inlined
 def project_one(P, M, H, U, G, B, nn, mm):
-    """U (a, n) = H P, and the lower triangles of G (a, a) = H P H' and B = U M U', for all waveforms; P (1, n, n).
+    """Fill U (a, n) = H P, and the lower triangles of G (a, a) = H P H' and B = U M U'; P (1, n, n).
 
-    In measurement space a look is cheap: it lowers trace(M P) by trace((G + R)^-1 B).
+    All waveforms share these matrices. In measurement space a look is fast to evaluate: it lowers trace(M P) by
+    trace((G + R)^-1 B).
     """
     for a in range(len(mm)):
         for i in range(len(nn)):
@@ -250,10 +253,10 @@ def expected_worth(G, B, w, accuracy, eta, pd, S, D, mm):
 
 @kernel
 def gain(step, mean, P, pointed, q, visible, looked, target, waveform, wait, M, radar, out, nn, mm):
-    """out (e, c): trace(M[l - 1] (P_without - P_with)) of the candidate's target, one look after ``wait`` steps.
+    """Fill out (e, c): trace(M[l - 1] (P_without - P_with)) of the candidate's target, for a look after ``wait`` steps.
 
-    target, waveform (c,), candidates of one target adjacent; wait (e or 1, c or 1); l: number of steps counted, up
-    to len(M) and not beyond the horizon.
+    target, waveform (c,), where candidates of the same target are adjacent; wait (e or 1, c or 1); l: number of steps
+    counted, at most len(M) and not beyond the horizon.
     """
     n, receivers, horizon = len(nn), len(radar.sites) - 1, visible.shape[1]
     ahead, V, work = np.empty((1, n)), np.empty((1, n, n)), workspace(receivers, n)
@@ -270,9 +273,7 @@ def gain(step, mean, P, pointed, q, visible, looked, target, waveform, wait, M, 
             if not is_visible(e, k, t, visible):
                 continue
             if t != last or delay != late:
-                turns = (
-                    radar.turn_rate != 0.0
-                )  # several steps of a turn are no longer step: Q is that of straight motion
+                turns = radar.turn_rate != 0.0  # then several steps are not one long step: Q is that of straight motion
                 tau = radar.dt if turns else (delay + 1) * radar.dt
                 coast_mean_one(t, mean[e], tau, radar.turn_rate, 0, ahead)
                 coast_one(t, P[e], tau, radar.turn_rate, q[e, t], 0, V)
@@ -296,7 +297,7 @@ def gain(step, mean, P, pointed, q, visible, looked, target, waveform, wait, M, 
 
 @inlined
 def foretell_one(e, k, t, ahead, V, q, visible, last, radar, shown, x, P, nn):
-    """Fill shown (s,): probability that target t is visible in steps k, k + 1 ...; ahead[0], V[0]: after step k.
+    """Fill shown (s,): probability that target t is visible in steps k, k + 1, ...; ahead[0], V[0]: after step k.
 
     x (1, n) and P (1, n, n) are scratch space.
     """
@@ -317,7 +318,7 @@ def foretell_one(e, k, t, ahead, V, q, visible, last, radar, shown, x, P, nn):
 
 @kernel
 def foretell(step, mean, P, pointed, dead, q, visible, looked, radar, out, nn):
-    """out (e, s, t): the probability that each target is visible in the next steps; 0 after the last step."""
+    """Fill out (e, s, t): the probability that each target is visible in the next steps; 0 after the last step."""
     ahead, V = np.empty((1, len(nn))), np.empty((1, len(nn), len(nn)))
     x, P_later, shown = np.empty((1, len(nn))), np.empty((1, len(nn), len(nn))), np.empty(out.shape[1])
     for e in range(len(step)):
@@ -332,12 +333,12 @@ def foretell(step, mean, P, pointed, dead, q, visible, looked, radar, out, nn):
 
 @kernel
 def observe(step, mean, P, pointed, dead, q, visible, looked, radar, soon, out, nn):
-    """out (e, field), in the order of ``SectorSetup.observation_fields``; variances where the field is a deviation.
+    """Fill out (e, field) in the order of ``SectorSetup.observation_fields``, with variances in place of deviations.
 
-    Time left, dead steps left; for every target: whether set up, visible in this step, steps until that changes (up to
+    Time left, dead steps left. For every target: whether set up, visible in this step, steps until that changes (up to
     ``soon``), fraction of the next ``soon`` steps in which it is visible, q, variances of position and velocity one
-    step ahead; for every receiver: eta, and the variances of the predicted range and range-rate. Where visibility is
-    foretold, a probability stands for whether it is visible, and changes where it passes 1/2.
+    step ahead. For every target and receiver: eta, and the variances of the predicted range and range-rate. If
+    visibility is predicted, its probability replaces "visible"; it changes when the probability crosses 0.5.
     """
     n, receivers, horizon, shown = len(nn), len(radar.sites) - 1, visible.shape[1], np.empty(soon)
     ahead, V, work = np.empty((1, n)), np.empty((1, n, n)), workspace(receivers, n)

@@ -1,4 +1,4 @@
-"""The scenes of the sector set-up: the path of the pulse on a map, in the open and in a city."""
+"""The scenes of the sector set-up: the path of the pulse on a map, in open terrain and in a city."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class SectorScene(LookScene):
         self.system = system
 
     def draw_map(self, moment: Moment) -> None:
-        """Targets with their trails, illuminator, receivers, and the path of this step's pulse."""
+        """Draw targets with their trails, illuminator, receivers, and the path of this step's pulse."""
         trails = trails_of(moment, PLANE, self.scale)
         sites = self.scale * np.array([self.system.illuminator, *self.system.receivers])
         to_scale(self.map, np.concatenate([sites.T, trails.points], axis=1))
@@ -61,10 +61,10 @@ class SectorScene(LookScene):
         draw_trails(self.map, trails)
 
     def draw_ground(self) -> None:
-        """Draw what stands on the map; nothing in the open."""
+        """Draw the map under the targets; nothing in open terrain."""
 
     def _draw_path(self, moment: Moment, trails: Trails, sites: Array) -> None:
-        """Lines from the illuminator to the target and on to the receivers, or the direction of the set-up."""
+        """Draw lines from the illuminator over the target to the receivers, or the direction of the set-up."""
         target, is_silent = trails.truth[-1, self.looks(moment).target[-1, 0]], moment.states[-1].truth.silent[0]
         self.map.plot(*np.array([sites[0], target]).T, **(SILENT if is_silent else PULSE))
         for receiver in sites[1:] if not is_silent else ():
@@ -90,12 +90,12 @@ class SectorScene(LookScene):
 
 
 class CityScene(SectorScene):
-    """The same on the map of a city, in metres."""
+    """``SectorScene`` on the map of a city, in metres."""
 
     scale: ClassVar[float] = 1.0
     unit: ClassVar[str] = "m"
     system: SectorSetupCity
 
     def draw_ground(self) -> None:
-        """Roads and buildings."""
+        """Draw roads and buildings."""
         draw_city(self.map, self.system.map)

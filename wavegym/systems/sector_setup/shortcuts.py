@@ -1,4 +1,4 @@
-"""What schedulers can do faster with an illuminator that has to be set up, and a step in compiled form."""
+"""Shortcuts of schedulers for an illuminator that has to be set up, and a step in compiled form."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from wavegym.systems.sector_setup.system import SectorSetup
 
 @shortcuts.fused_transition.register(SectorSetup)
 def fused_transition(system: SectorSetup, state: State, action: Array, world: World) -> State:
-    """One step: move, set up or look, track."""
+    """One step: targets move, the illuminator is set up or sends a pulse, the filter updates."""
     if system.truth_model._recorded or system._own_tracker:
         return system.composed_transition(state, action, world)
     truth, belief = state
@@ -44,12 +44,13 @@ def gain(system: SectorSetup, belief: Belief, wait: Array | int, ahead: int) -> 
     """Decrease of the summed cost over ``ahead`` steps from the look on, for each candidate.
 
     Args:
+        system: the system.
         belief: the belief.
         wait: steps without measurements before the look, int or (env or 1, candidate or 1).
-        ahead: steps counted, the step of the look included; steps beyond the horizon count 0.
+        ahead: steps counted, including that of the look; steps beyond the horizon count 0.
 
     Returns:
-        Expected value over detections, (env, candidate); 0 where the target is hidden or the episode over.
+        Expected value over detections, (env, candidate); 0 if the target is hidden or the episode is over.
     """
     out = np.empty((len(belief.step), len(system.actions)))
     later = np.atleast_2d(np.asarray(wait, np.int64))
@@ -64,7 +65,7 @@ def gain(system: SectorSetup, belief: Belief, wait: Array | int, ahead: int) -> 
 
 @shortcuts.measured_fields.register(SectorSetup)
 def measured_fields(system: SectorSetup) -> MeasuredFields:
-    """What each receiver reported last; the target that is illuminated, and the steps that its set-up still takes."""
+    """The receivers' last report, the illuminated target, and the remaining steps of its set-up."""
     return MeasuredFields(
         report_fields(len(system.receivers), system.reference_range, system.speed[1]),
         partial(report_values, reference_range=system.reference_range),

@@ -1,4 +1,4 @@
-"""One illuminator and its receivers: tape, truth, belief and observation fields."""
+"""The state of one illuminator and its receivers: tape, truth, measurements, belief and observation fields."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class World(NamedTuple):
     density: Array  # (target,) uniform: process noise density
     window: Array  # (target, n) uniform: windows of visibility
     start: Array  # (target, 4) normal: error of the first estimate
-    process: Array  # (H, target, 4) normal: manoeuvres
-    detection: Array  # (H, receiver, target) uniform: detected where below Pd; read for the illuminated target only
+    process: Array  # (H, target, 4) normal: process noise
+    detection: Array  # (H, receiver, target) uniform: detected if below Pd; read only for the illuminated target
     error: Array  # (H, receiver, target, 2) normal: measurement error
 
 
@@ -29,13 +29,13 @@ class Truth(NamedTuple):
     targets: Array  # (env, target, 4)
     q: Array  # (env, target) process noise density, m^2/s^3
     visible: Array  # (env, H, target) bool: whether the target is visible from step k to k + 1
-    detections: Array  # (env,) int: receivers that detected the target in the last step
+    detections: Array  # (env,) int: number of receivers that detected the target in the last step
     silent: Array  # (env,) bool: whether the last step was a set-up step without a pulse
-    window: Array | None = None  # (env, target) int: window of a recording; None where targets follow the motion model
+    window: Array | None = None  # (env, target) int: window of a recording; None if targets follow the motion model
 
 
 class Measurements(NamedTuple):
-    """What the receivers report of one step; 0 where a receiver did not detect."""
+    """The receivers' measurements in one step; 0 for receivers without a detection."""
 
     z: Array  # (env, receiver, 2) half the path and its rate, m and m/s
     detected: Array  # (env, receiver) bool
@@ -53,16 +53,16 @@ class Belief(NamedTuple):
     q: Array  # (env, target) process noise density as the tracker assumes it, m^2/s^3
     visible: Array  # (env, H, target) bool: visible from step k to k + 1, known in advance; all True if predicted
     looked: Array  # (env,) int: 1 if the last step's pulse found its target, -1 if it found nothing, 0 without a pulse
-    memory: Any = None  # of another tracker that has one; None otherwise, and in prediction
-    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as such a tracker believes it
+    memory: Any = None  # of a user's tracker with a memory; otherwise, and in predictions, None
+    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as a user's tracker assumes it; None: q
 
 
 def report_fields(receivers: int, reference_range: float, speed: float) -> tuple[ObservationField, ...]:
-    """What each receiver reported, in the order of ``report_values``.
+    """Fields of each receiver's report, in the order of ``report_values``.
 
     Args:
-        receivers: their number.
-        reference_range: a distance of the size of the paths, m.
+        receivers: number of receivers.
+        reference_range: typical distance from the illuminator and the receivers to the targets, m.
         speed: the greatest first speed of a target, m/s.
     """
     listed = [ObservationField("silent", "1", 0.5, 0.5, "1 if no pulse was sent in the last step")]
@@ -85,7 +85,7 @@ def report_values(measurements: Measurements, reference_range: float) -> Array:
 
 
 def illuminator_fields(targets: int, dead_steps: int) -> tuple[ObservationField, ...]:
-    """The settings of the illuminator."""
+    """Fields of the illuminator's settings."""
     listed = [
         ObservationField(f"pointed_{t}", "1", 0.5, 0.5, f"1 if the illuminator is set up for target {t}")
         for t in range(1, targets + 1)
@@ -100,10 +100,10 @@ def sector_fields(
     """Observation fields, in the order in which the kernel ``observe`` writes them.
 
     Args:
-        targets: their number.
-        receivers: their number.
-        dead_steps: of a set-up.
-        foretold: whether the fields give the probability of visibility, in place of known times.
+        targets: number of targets.
+        receivers: number of receivers.
+        dead_steps: number of steps of a set-up.
+        foretold: whether visibility is predicted; the fields then give its probability in place of known times.
     """
     listed = [
         ObservationField("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come"),

@@ -43,21 +43,21 @@ class SectorSetup(LookSystem):
         The state of each target is [x xdot y ydot] (m, m/s). It moves as x_{k+1} = F x_k + w_k with white acceleration;
         its density q differs between targets. Each step illuminates one target with one waveform. An action with a new
         target starts a set-up: no pulse is sent for ``dead_steps`` steps. Another change of target starts a new set-up.
-        One step ahead a set-up never pays; over a window of visibility it does.
+        A set-up never lowers the cost of the next step. It can lower the cost summed over a window of visibility.
 
-        Each receiver measures the bistatic range (half the path length) and its rate. eta = 2E/N0 falls with Rt^2 Rr^2,
-        and error variances with 1 / eta. Receivers detect independently with probability Pd = Pf^(1 / (1 + eta / 2)).
-        The world uses eta at the true position, tracker and schedulers at the predicted position. A waveform is given
-        by its error variances alone, so it has no timing. The receivers are separate and listen while the illuminator
-        transmits.
+        Each receiver measures the bistatic range (half the path length) and its rate. eta = 2E/N0 is proportional to
+        1 / (Rt^2 Rr^2), and error variances to 1 / eta. Receivers detect independently with probability
+        Pd = Pf^(1 / (1 + eta / 2)). The world uses eta at the true position, tracker and schedulers at the predicted
+        position. A waveform is defined only by its error variances, so it has no timing. The receivers have their own
+        antennas and listen while the illuminator transmits.
 
         Targets drive behind buildings on a map, so they are hidden at times known in advance. Targets are far apart, so
-        the association is known and there are no false returns. An extended Kalman filter uses the detections. Where
-        the measurements are curved over the spread of the prediction, posterior linearisation iterates the update.
-        Another tracker (``tracker``) gets one scan of each receiver.
+        the association is known and there are no false returns. An extended Kalman filter uses the detections. If the
+        measurements are curved over the spread of the prediction, posterior linearisation iterates the update. A
+        ``tracker`` of your own receives one scan of each receiver.
 
     Rewards
-        -trace(Lambda P) summed over the targets, Lambda = diag(weights): m^2, with 1 s^2 on the velocities.
+        -trace(Lambda P) summed over the targets, in m^2. Lambda is diag(weights). The weights of velocities are in s^2.
 
     Starting state
         True targets start uniformly in the region with any heading. The first estimate is drawn around the truth with
@@ -111,11 +111,11 @@ class SectorSetup(LookSystem):
             check_ordered(f"{axis} of region", *bounds)
         check_ordered("speed", *self.speed)
         if len(set(self.waveforms)) < len(self.waveforms):
-            raise InputError(f"waveforms is {self.waveforms}, expected different waveforms")
+            raise InputError(f"waveforms is {self.waveforms}, expected each waveform once")
 
     @cached_property
     def motion(self) -> MotionModel:
-        """Motion model at a process noise density of 1; the density of each target multiplies Q."""
+        """The motion model at a process noise density of 1; the density of each target multiplies Q."""
         return constant_turn(self.dt, 1.0, self.turn_rate)
 
     @cached_property
@@ -126,7 +126,7 @@ class SectorSetup(LookSystem):
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:
-        """One draw for each receiver: a single target is illuminated."""
+        """One draw for each receiver, because a step illuminates one target."""
         return (len(self.receivers),)
 
     @cached_property
@@ -141,7 +141,7 @@ class SectorSetup(LookSystem):
 
     @cached_property
     def _hiding(self) -> tuple[SightTable, Array, Array]:
-        """Sight table, places and few places of the kernels; an empty table where the times are known."""
+        """Sight table, places and few places of the kernels; the table is empty if the times are known."""
         return SightTable(0.0, 0.0, 1.0, np.empty((0, 1), np.bool_)), np.empty((0, 2)), np.empty((0, 2))
 
     def draw_world(self, rng: np.random.Generator) -> World:
@@ -158,17 +158,17 @@ class SectorSetup(LookSystem):
         )
 
     def _first_truth(self, world: World, targets: Array, q: Array, window: Array | None) -> Truth:
-        """No pulse was sent yet."""
+        """The truth at step 0, before any pulse."""
         none = np.zeros(len(q), np.int64)
         return Truth(targets, q, self.truth_model._visible(world, targets), none, none.astype(np.bool_), window)
 
     def _first_belief(self, world: World, truth: Truth, estimate: Estimate, q: Array) -> Belief:
-        """The illuminator is set up for no target."""
+        """The belief at step 0, when the illuminator is set up for no target."""
         zero, known = np.zeros(len(q), np.int64), self._known(world, truth.targets, truth.visible)
         return Belief(zero, *estimate[:2], np.full(len(q), -1), zero.copy(), q, known, zero.copy())
 
     def _starts(self, world: World) -> Array:
-        """First states of the targets, (env, target, 4): uniform in the region, any heading."""
+        """First states of the targets, (env, target, 4): uniform in the region, with any heading."""
         low, high = np.array([*self.region, self.speed, (-math.pi, math.pi)]).T
         x, y, speed, heading = np.moveaxis(low + (high - low) * world.place, -1, 0)
         return np.stack([x, speed * np.sin(heading), y, speed * np.cos(heading)], axis=-1)
@@ -178,7 +178,7 @@ class SectorSetup(LookSystem):
         return visibility(self, world.window, true_states.shape[1])
 
     def _known(self, world: World, true_states: Array, visible: Array) -> Array:
-        """When targets are expected to be visible, bool (env, H, target); ``visible``: when they are."""
+        """Visibility as the belief holds it, bool (env, H, target); ``visible``: the true visibility."""
         return visible if self.truth_model is self else self._visible(world, true_states)
 
     def _split(self, actions: Array) -> tuple[Array, Array]:
@@ -191,7 +191,7 @@ class SectorSetup(LookSystem):
         return after
 
     def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
-        """What each receiver measures of the illuminated target, with SNR, Pd and errors at its true position."""
+        """Each receiver's measurement of the illuminated target, with SNR, Pd and errors at its true position."""
         report = self._report(belief)
         kernels.measure(
             belief.step, belief.pointed, belief.dead, truth.targets, truth.visible, *self._split(action),
@@ -200,7 +200,7 @@ class SectorSetup(LookSystem):
         return self._measurements(*report)
 
     def _filtered(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
-        """Set-up or look; one step of the extended Kalman filter with the predicted SNR."""
+        """A set-up step or a look, and one step of the extended Kalman filter with the predicted SNR."""
         z, detected, _ = measurements
         fresh = self._fresh(belief)
         kernels.track(
@@ -244,7 +244,7 @@ class SectorSetup(LookSystem):
         return belief._replace(step=belief.step + 1, mean=mean, covariance=covariance, **changed)
 
     def _ahead(self, belief: Belief, actions: Array, draws: Array | None) -> dict[str, Array]:
-        """With the predicted SNR; a receiver detects where its draw is below the predicted Pd."""
+        """The predicted fields, with the predicted SNR; with draws, a receiver detects if its draw is below Pd."""
         shape = len(belief.step), actions.shape[1]
         x, P = (np.empty((*shape, *a.shape[1:])) for a in (belief.mean, belief.covariance))
         pointed, dead, looked = np.empty((3, *shape), np.int64)
@@ -273,16 +273,18 @@ class SectorSetup(LookSystem):
 
     @cached_property
     def _logarithms(self) -> Array:
-        """Factor of the logarithm of each field; 0 for no logarithm. A deviation is computed from its variance."""
+        """Factor of the logarithm of each field; 0: no logarithm; 0.5: a deviation, computed as a variance."""
         factors = {"log10_sigma": 0.5, "log10_q": 1.0, "snr": 10.0}
         return np.array(
             [next((f for n, f in factors.items() if e.name.startswith(n)), 0.0) for e in self.observation_fields]
         )
 
     def state_info(self, state: State) -> dict[str, Array]:
-        """For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4) and ``lost``
-        (the error exceeds half the width of the illuminated sector). For the step: ``detections`` and ``dead`` (no
-        pulse was sent).
+        """Figures of each target and of the step.
+
+        For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4) and ``lost`` (the
+        error exceeds half the width of the illuminated sector). For the step: ``detections`` (number of receivers that
+        detected the target) and ``dead`` (no pulse was sent).
         """
         errors = self._errors(state)
         lost = errors["position_error"] > self.lost_beyond
@@ -290,7 +292,7 @@ class SectorSetup(LookSystem):
 
 
 def _bistatic(transmitter: Array, receiver: Array) -> MeasurementModel:
-    """Half the path from transmitter by target to receiver, and its rate."""
+    """Half the path from the transmitter over the target to the receiver, and its rate."""
 
     def jacobian(states: Array) -> Array:
         there, back = (range_and_rate_jacobian(states[..., PLANE], site) for site in (transmitter, receiver))

@@ -1,9 +1,10 @@
-"""Kernels of a target that buildings may hide: is it visible, and what does a look say that finds it or does not.
+"""Kernels of a target that buildings may hide: the probability that it is visible, and the update after a look.
 
-The position is Gaussian with covariance L L'. Places x + L u are tried at points u of equal weight, ``radar.places``
-(p, 2); v(u) is 1 where all sites see the place. The density of the state is multiplied by the likelihood of the look,
-``base`` + ``slope`` v, and replaced by the Gaussian of the same mean and covariance. A point stands for a small
-Gaussian of variance ``BLUR``, so a covariance never collapses to a few points. Shapes as in ``kernels.py``.
+The position is Gaussian with covariance L L'. Visibility is evaluated at the places x + L u for points u of equal
+weight, ``radar.places`` (p, 2). v(u) is 1 if all sites see the place, otherwise 0. The density of the state is
+multiplied by the likelihood of the look, ``base`` + ``slope`` v, and replaced by the Gaussian of the same mean and
+covariance. A point represents a small Gaussian of variance ``BLUR``, so a covariance never collapses to a few points.
+Shapes are those of ``kernels.py``.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -15,22 +16,22 @@ from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.multipath_kernels import is_clear
 
 BLUR = 0.05  # of a variance of 1: half the mean distance of 48 points, squared
-UNLIKELY = 1e-9  # a look whose outcome was less probable contradicts the model: it changes nothing
-DOUBT = 0.1  # least weight of a place that a look contradicts: the density is not quite Gaussian, and its tails decide
-CONTRADICTED = 0.3  # weight of a place that the last look contradicts: visible when it found nothing; calibrated
-SHADOWED = 0.1  # the same: hidden when it found the target; calibrated
-FLAT = 1e-12  # least share of a variance that is left in the other coordinate
+UNLIKELY = 1e-9  # a look whose outcome was less probable contradicts the model and changes nothing
+DOUBT = 0.1  # least weight of a place that a look contradicts, because tails matter and are not quite Gaussian
+CONTRADICTED = 0.3  # weight of a place that was visible when the last look found nothing; calibrated
+SHADOWED = 0.1  # weight of a place that was hidden when the last look found the target; calibrated
+FLAT = 1e-12  # least share of a variance that remains in the other coordinate
 
 
 @inlined
 def is_foretold(radar):
-    """Whether buildings hide targets at times that nobody knows."""
+    """Whether visibility is predicted, because buildings hide targets at unknown times."""
     return radar.table.clear.shape[0] > 0
 
 
 @inlined
 def root_one(i, P):
-    """L = [[a, 0], [b, c]] of the position."""
+    """L = [[a, 0], [b, c]] of the position; returns (a, b, c)."""
     a = np.sqrt(P[i, 0, 0])
     b = P[i, 2, 0] / a
     return a, b, np.sqrt(max(P[i, 2, 2] - b * b, FLAT * P[i, 2, 2]))
@@ -47,9 +48,9 @@ def slopes_one(i, P, k, a, b, c):
 def place_one(i, x, P, a, b, c, u, w, last, radar):
     """Whether the place of the point (u, w) is visible, and the weight of the point.
 
-    ``last``: 1 if a look found the target a step ago, -1 if it found nothing, 0 if there was none. A place that was
-    hidden when the target was found, or visible when nothing was, probably has no target in it, although the Gaussian
-    reaches there.
+    ``last``: 1 if a look found the target a step ago, -1 if it found nothing, 0 if there was no look. The target is
+    probably not at a place that was hidden when the look found it, or visible when the look found nothing. Such a place
+    has a lower weight, although the Gaussian includes it.
     """
     px, py = x[i, 0] + a * u, x[i, 2] + b * u + c * w
     clear = is_clear(px, py, radar.table)
@@ -66,7 +67,7 @@ def place_one(i, x, P, a, b, c, u, w, last, radar):
 
 @kernel
 def chance_one(i, x, P, last, radar, places):
-    """Probability that target i is visible; ``last``: what the last step's look at it found."""
+    """Probability that target i is visible; ``last``: see ``place_one``."""
     a, b, c = root_one(i, P)
     visible, total = 0.0, 0.0
     for p in range(len(places)):
@@ -80,8 +81,8 @@ def chance_one(i, x, P, last, radar, places):
 def sight_one(i, x, P, last, radar, sight):
     """Fill sight (6,) with the means of v, v u and v u u' over all points; returns ``chance_one``.
 
-    Of v, what a second look without a find says is discounted: the Gaussian does not remember the first one. After a
-    find it does, since the target's place is known well.
+    After a look that found nothing, the points of v have the weights of ``place_one``, because the Gaussian represents
+    that look poorly. After a look that found the target, they have equal weights, because the place is known well.
     """
     a, b, c = root_one(i, P)
     visible, total = 0.0, 0.0
@@ -106,19 +107,19 @@ def sight_one(i, x, P, last, radar, sight):
 
 @inlined
 def moments_of(sight, base, slope):
-    """Mean (m, n) of u after a look, and its covariance less 1, [[f, g], [g, h]]; 0 where nothing is learned."""
+    """Mean (m, n) of u after a look, and its covariance minus 1, [[f, g], [g, h]]; 0 if the look changes nothing."""
     left = base + slope * sight[0]
     if sight[0] == 0.0 or sight[0] == 1.0 or not left > UNLIKELY:
         return 0.0, 0.0, 0.0, 0.0, 0.0
     scale, own = slope / left, base / left
     m, n = scale * sight[1], scale * sight[2]
-    rest = own * (1.0 - BLUR) + BLUR - 1.0  # of the points' own variance, and the blur
+    rest = own * (1.0 - BLUR) + BLUR - 1.0  # the variance of the points, and the blur
     return m, n, rest + scale * sight[3] - m * m, scale * sight[4] - m * n, rest + scale * sight[5] - n * n
 
 
 @inlined
 def of_a_miss(undetected):
-    """The slope of the likelihood of a look that finds nothing; ``undetected``: its probability if all is visible."""
+    """Slope of the likelihood of a look that finds nothing; ``undetected``: its probability for a visible target."""
     return max(undetected, DOUBT) - 1.0
 
 
@@ -171,7 +172,7 @@ def condition_worth(i, P, sight, base, slope, M, nn):
 
 @inlined
 def drawn_place(i, x, P, draw, last, radar, d, nn):
-    """Fill d (n,): a place of target i less its mean, picked by a uniform draw; returns whether it is visible."""
+    """Fill d (n,): a place of target i, picked by a uniform draw, minus its mean; returns whether it is visible."""
     a, b, c = root_one(i, P)
     count = len(radar.places)
     total = float(count)
