@@ -149,7 +149,7 @@ class LookSystem(System, PlaysRecordings):
 
     def track(self, belief: Any, action: Array, measurements: Any) -> Any:
         """One step of the tracker and of the sensor."""
-        after = self._filtered(belief, action, measurements)
+        after = self._filtered(belief, action, measurements)  # with another tracker, for the state of the sensor alone
         if not self._own_tracker:
             return after
         before = Estimate(belief.mean, belief.covariance, belief.memory, belief.process_noise)
