@@ -123,8 +123,7 @@ class LookSystem(System, PlaysRecordings):
             true_states = real._starts(world)
         mean = true_states + np.sqrt(real.prior_variance) * world.start
         first = Estimate(mean, np.tile(np.diag(self.prior_variance), (count, T, 1, 1)))
-        truth = self._first_truth(world, true_states, real._densities(world), window)
-        belief = self._first_belief(world, truth, first, self._densities(world))
+        truth, belief = self._first_state(world, true_states, window, first)
         if self._own_tracker:
             belief = self._with_estimate(belief, begin_track(self._own_tracker, first, self.motion.scaled(belief.q)))
         return State(truth, belief)
@@ -133,12 +132,8 @@ class LookSystem(System, PlaysRecordings):
         """First states of the targets, (env, target, 4)."""
         raise NotImplementedError
 
-    def _first_truth(self, world: Any, targets: Array, q: Array, window: Array | None) -> Any:
-        """The truth at step 0: true states, densities, and windows of a recording."""
-        raise NotImplementedError
-
-    def _first_belief(self, world: Any, truth: Any, estimate: Estimate, q: Array) -> Any:
-        """The belief at step 0; q: the densities that the tracker assumes."""
+    def _first_state(self, world: Any, targets: Array, window: Array | None, first: Estimate) -> State:
+        """The state at step 0 from true states, windows of a recording and first estimates."""
         raise NotImplementedError
 
     def move(self, truth: Any, step: Array, world: Any) -> Any:
@@ -154,7 +149,7 @@ class LookSystem(System, PlaysRecordings):
 
     def track(self, belief: Any, action: Array, measurements: Any) -> Any:
         """One step of the tracker and of the sensor."""
-        after = self._filtered(belief, action, measurements)
+        after = self._filtered(belief, action, measurements)  # with another tracker, for the state of the sensor alone
         if not self._own_tracker:
             return after
         before = Estimate(belief.mean, belief.covariance, belief.memory, belief.process_noise)
