@@ -28,7 +28,7 @@ from wavegym.systems.rf_eo.kernels import measure
 from wavegym.systems.rf_eo.scenario import MOST, StateVariance, StateWeights, TurnRate
 from wavegym.systems.visibility_windows import Window, given_windows, window_draws
 from wavegym.targets import MotionModel
-from wavegym.trackers.protocol import Estimate, Scan, Tracker, begin_track, own_tracker, track
+from wavegym.trackers.protocol import Estimate, Scan, Tracker, begin_track, given_tracker, track
 
 NN = (0, 0, 0, 0)  # its length tells kernels the size of the state [x xdot y ydot]
 LEAST_DENSITY = 1e-12  # m^2/s^3: an observation contains its logarithm
@@ -81,7 +81,7 @@ class LookSystem(System, PlaysRecordings):
         check_positive("sum of weights", sum(self.weights))
         window_draws(self.horizon, self.shown, self.hidden)
         given_windows(self.windows, self.targets, self.horizon)
-        self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
+        self._given_tracker  # noqa: B018  (an invalid tracker is reported here)
         self._recorded  # noqa: B018  (an invalid recording is reported here)
 
     @property
@@ -90,9 +90,9 @@ class LookSystem(System, PlaysRecordings):
         raise NotImplementedError
 
     @cached_property
-    def _own_tracker(self) -> Tracker | None:
+    def _given_tracker(self) -> Tracker | None:
         """The given tracker; None for the compiled filter."""
-        return own_tracker(self.tracker, ("kalman",))
+        return given_tracker(self.tracker, ("kalman",))
 
     @cached_property
     def linear_cost(self) -> LinearCost:
@@ -124,8 +124,8 @@ class LookSystem(System, PlaysRecordings):
         mean = true_states + np.sqrt(real.prior_variance) * world.start
         first = Estimate(mean, np.tile(np.diag(self.prior_variance), (count, T, 1, 1)))
         truth, belief = self._first_state(world, true_states, window, first)
-        if self._own_tracker:
-            belief = self._with_estimate(belief, begin_track(self._own_tracker, first, self.motion.scaled(belief.q)))
+        if self._given_tracker:
+            belief = self._with_estimate(belief, begin_track(self._given_tracker, first, self.motion.scaled(belief.q)))
         return State(truth, belief)
 
     def _starts(self, world: Any) -> Array:
@@ -150,11 +150,11 @@ class LookSystem(System, PlaysRecordings):
     def track(self, belief: Any, action: Array, measurements: Any) -> Any:
         """One step of the tracker and of the sensor."""
         after = self._filtered(belief, action, measurements)  # with another tracker, for the state of the sensor alone
-        if not self._own_tracker:
+        if not self._given_tracker:
             return after
         before = Estimate(belief.mean, belief.covariance, belief.memory, belief.process_noise)
         scans = self._scans(belief, after, action, measurements)
-        return self._with_estimate(after, track(self._own_tracker, before, self.motion.scaled(belief.q), *scans))
+        return self._with_estimate(after, track(self._given_tracker, before, self.motion.scaled(belief.q), *scans))
 
     def _filtered(self, belief: Any, action: Array, measurements: Any) -> Any:
         """One step of the compiled filter and of the sensor."""

@@ -317,7 +317,7 @@ class CameraSlew(LookSystem, TimedPulses):
         polar = to_polar(estimate.mean, estimate.covariance, self.loop.places[0])
         return belief._replace(**estimate._asdict(), polar_mean=polar[0], polar_covariance=polar[1])
 
-    def note(self, truth: Truth, measurements: Measurements) -> Truth:
+    def annotate(self, truth: Truth, measurements: Measurements) -> Truth:
         """The truth with the number of quantities received, and whether the camera found each target."""
         received = np.isfinite(measurements.variance)
         seen = received[..., kernels.AZIMUTH].copy()

@@ -25,7 +25,7 @@ def fused_transition(system: RfEo, state: State, action: Array, world: World) ->
 
     By its parts with recorded targets, or with another tracker.
     """
-    if system._own_tracker or system.truth_model._recorded:
+    if system._given_tracker or system.truth_model._recorded:
         return system.composed_transition(state, action, world)
     (true_states, _, unseen, *_), (step, mean, covariance, *_) = state
     settings = system.aimed_settings(state.belief, action)

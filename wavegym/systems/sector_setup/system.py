@@ -221,7 +221,7 @@ class SectorSetup(LookSystem):
             for j, site in enumerate(radar.sites[1:])
         ]
 
-    def note(self, truth: Truth, measurements: Measurements) -> Truth:
+    def annotate(self, truth: Truth, measurements: Measurements) -> Truth:
         """The truth with the number of detections, and whether no pulse was sent."""
         return truth._replace(detections=measurements.detected.sum(axis=1), silent=measurements.silent)
 
