@@ -370,9 +370,9 @@ def test_a_memory_of_another_form_is_refused(memory, message) -> None:
 def test_a_lost_memory_is_refused(name) -> None:
     env = gym.make_vec(f"wavegym/{name}-v0", num_envs=2, tracker=Forgetful(np.zeros(2)))
     env.reset(seed=1)
+    first = np.zeros_like(env.action_space.sample())
     with pytest.raises(InputError, match=r"memory of Forgetful is None, expected an estimate with memory as begin\(\)"):
-        for _ in range(8):  # a set-up has no measurement in its first steps
-            env.step(np.zeros_like(env.action_space.sample()))
+        [env.step(first) for _ in range(8)]  # a set-up has no measurement in its first steps
 
 
 def test_pulses_of_ones_own() -> None:
