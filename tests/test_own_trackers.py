@@ -359,14 +359,20 @@ class Forgetful(ExtendedKalman):
     [
         (3.0, r"memory is 3.0, expected a NamedTuple of arrays, or None"),
         (np.zeros(5), r"memory of Forgetful has shape \(5,\), expected axis 0 = environment: \(2, ...\)"),
-        (np.zeros(2), r"memory of Forgetful is None, expected an estimate with memory as begin\(\) returns it"),
     ],
 )
 def test_a_memory_of_another_form_is_refused(memory, message) -> None:
-    env = gym.make_vec(ID, num_envs=2, tracker=Forgetful(memory))
-    with pytest.raises(InputError, match=message):  # noqa: PT012
-        env.reset(seed=1)
-        env.step(np.zeros(2, np.int64))
+    with pytest.raises(InputError, match=message):
+        gym.make_vec(ID, num_envs=2, tracker=Forgetful(memory)).reset(seed=1)
+
+
+@pytest.mark.parametrize("name", ["KershawEvans", "RfEo", "CameraSlew", "SectorSetup", "SectorSetupCity"])
+def test_a_lost_memory_is_refused(name) -> None:
+    env = gym.make_vec(f"wavegym/{name}-v0", num_envs=2, tracker=Forgetful(np.zeros(2)))
+    env.reset(seed=1)
+    first = np.zeros_like(env.action_space.sample())
+    with pytest.raises(InputError, match=r"memory of Forgetful is None, expected an estimate with memory as begin\(\)"):
+        [env.step(first) for _ in range(8)]  # a set-up has no measurement in its first steps
 
 
 def test_pulses_of_ones_own() -> None:

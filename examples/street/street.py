@@ -209,8 +209,8 @@ class Street(Urban):
         each = np.repeat(np.maximum(share, 1)[:, None], len(self.pairs), axis=1)
         return wave[each], snr[each]
 
-    def note(self, truth: Any, measurements: Measurements) -> Any:
-        """The truth as it is: there is nothing to note."""
+    def annotate(self, truth: Any, measurements: Measurements) -> Any:
+        """The truth itself: ``state_info`` reports no figures of the scan."""
         return truth
 
     def _groups(self, leaves: list[Any], lit: Any, share: Any, update: Any) -> list[Any]:

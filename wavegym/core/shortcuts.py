@@ -159,9 +159,9 @@ def why_not(system: object, kind: Shortcut[..., Any] | type) -> str:
 # --- the kinds of the suite ---
 
 
-@shortcut("move", "measure", "track", "note")
+@shortcut("move", "measure", "track", "annotate")
 def fused_transition(system: Any, state: Any, action: Array, world: Any) -> Any:
-    """A whole step in compiled form: the state after ``move``, ``measure``, ``track`` and ``note``."""
+    """A whole step in compiled form: the state after ``move``, ``measure``, ``track`` and ``annotate``."""
 
 
 @shortcut("predict", "cost", "candidates")

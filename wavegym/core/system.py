@@ -158,10 +158,10 @@ class System:
         return fused_transition.of(self) or self.composed_transition
 
     def composed_transition(self, state: State, action: Array, world: Any) -> State:
-        """``transition`` as the sequence of ``move``, ``measure``, ``track`` and ``note``."""
+        """``transition`` as the sequence of ``move``, ``measure``, ``track`` and ``annotate``."""
         truth = self.move(state.truth, state.belief.step, world)
         measurements = self.measure(truth, state.belief, action, world)
-        return State(self.note(truth, measurements), self.track(state.belief, action, measurements))
+        return State(self.annotate(truth, measurements), self.track(state.belief, action, measurements))
 
     def move(self, truth: Any, step: Array, world: Any) -> Any:
         """The truth with all targets one step later; ``step`` (env,) is the step before. Returns fresh arrays."""
@@ -182,7 +182,7 @@ class System:
         """The belief one step later: the tracker predicts, associates the measurements and updates."""
         raise NotImplementedError
 
-    def note(self, truth: Any, measurements: Any) -> Any:
+    def annotate(self, truth: Any, measurements: Any) -> Any:
         """The truth with the figures of the scan that ``state_info`` reports; by default the truth itself."""
         return truth
 

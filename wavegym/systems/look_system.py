@@ -28,7 +28,7 @@ from wavegym.systems.rf_eo.kernels import measure
 from wavegym.systems.rf_eo.scenario import MOST, StateVariance, StateWeights, TurnRate
 from wavegym.systems.visibility_windows import Window, given_windows, window_draws
 from wavegym.targets import MotionModel
-from wavegym.trackers.protocol import Estimate, Scan, Tracker, begin_track, own_tracker, track
+from wavegym.trackers.protocol import Estimate, Scan, Tracker, begin_track, given_tracker, track
 
 NN = (0, 0, 0, 0)  # its length tells kernels the size of the state [x xdot y ydot]
 LEAST_DENSITY = 1e-12  # m^2/s^3: an observation contains its logarithm
@@ -81,7 +81,7 @@ class LookSystem(System, PlaysRecordings):
         check_positive("sum of weights", sum(self.weights))
         window_draws(self.horizon, self.shown, self.hidden)
         given_windows(self.windows, self.targets, self.horizon)
-        self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
+        self._given_tracker  # noqa: B018  (an invalid tracker is reported here)
         self._recorded  # noqa: B018  (an invalid recording is reported here)
 
     @property
@@ -90,9 +90,9 @@ class LookSystem(System, PlaysRecordings):
         raise NotImplementedError
 
     @cached_property
-    def _own_tracker(self) -> Tracker | None:
-        """The user's tracker; None for the compiled filter."""
-        return own_tracker(self.tracker, ("kalman",))
+    def _given_tracker(self) -> Tracker | None:
+        """The given tracker; None for the compiled filter."""
+        return given_tracker(self.tracker, ("kalman",))
 
     @cached_property
     def linear_cost(self) -> LinearCost:
@@ -123,22 +123,17 @@ class LookSystem(System, PlaysRecordings):
             true_states = real._starts(world)
         mean = true_states + np.sqrt(real.prior_variance) * world.start
         first = Estimate(mean, np.tile(np.diag(self.prior_variance), (count, T, 1, 1)))
-        truth = self._first_truth(world, true_states, real._densities(world), window)
-        belief = self._first_belief(world, truth, first, self._densities(world))
-        if self._own_tracker:
-            belief = self._with_estimate(belief, begin_track(self._own_tracker, first, self.motion.scaled(belief.q)))
+        truth, belief = self._first_state(world, true_states, window, first)
+        if self._given_tracker:
+            belief = self._with_estimate(belief, begin_track(self._given_tracker, first, self.motion.scaled(belief.q)))
         return State(truth, belief)
 
     def _starts(self, world: Any) -> Array:
         """First states of the targets, (env, target, 4)."""
         raise NotImplementedError
 
-    def _first_truth(self, world: Any, targets: Array, q: Array, window: Array | None) -> Any:
-        """The truth at step 0: true states, densities, and windows of a recording."""
-        raise NotImplementedError
-
-    def _first_belief(self, world: Any, truth: Any, estimate: Estimate, q: Array) -> Any:
-        """The belief at step 0; q: the densities that the tracker assumes."""
+    def _first_state(self, world: Any, targets: Array, window: Array | None, first: Estimate) -> State:
+        """The state at step 0 from true states, windows of a recording and first estimates."""
         raise NotImplementedError
 
     def move(self, truth: Any, step: Array, world: Any) -> Any:
@@ -154,27 +149,27 @@ class LookSystem(System, PlaysRecordings):
 
     def track(self, belief: Any, action: Array, measurements: Any) -> Any:
         """One step of the tracker and of the sensor."""
-        after = self._filtered(belief, action, measurements)
-        if not self._own_tracker:
+        after = self._filtered(belief, action, measurements)  # with a given tracker, only for the sensor's state
+        if not self._given_tracker:
             return after
         before = Estimate(belief.mean, belief.covariance, belief.memory, belief.process_noise)
         scans = self._scans(belief, after, action, measurements)
-        return self._with_estimate(after, track(self._own_tracker, before, self.motion.scaled(belief.q), *scans))
+        return self._with_estimate(after, track(self._given_tracker, before, self.motion.scaled(belief.q), *scans))
 
     def _filtered(self, belief: Any, action: Array, measurements: Any) -> Any:
         """One step of the compiled filter and of the sensor."""
         raise NotImplementedError
 
     def _scans(self, belief: Any, after: Any, action: Array, measurements: Any) -> list[Scan]:
-        """The measurements as scans for a user's tracker; ``after``: the belief after the step (the sensor's state)."""
+        """The measurements as scans for a given tracker; ``after``: the belief after the step (the sensor's state)."""
         raise NotImplementedError
 
     def _with_estimate(self, belief: Any, estimate: Estimate) -> Any:
-        """``belief`` with the estimate of a user's tracker."""
+        """``belief`` with the estimate of a given tracker."""
         return belief._replace(**estimate._asdict())
 
     def _expected(self, belief: Any) -> Any:
-        """The belief for schedulers, in which densities approximate the process noise of a user's tracker."""
+        """The belief for schedulers, in which densities approximate the process noise of a given tracker."""
         if belief.process_noise is None:
             return belief
         Q = self.motion.Q

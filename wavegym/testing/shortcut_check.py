@@ -234,7 +234,7 @@ def _fused(system: Any, at: Sample) -> str | None:
     for half, got, want in (("truth", whole.truth, parts.truth), ("belief", whole.belief, parts.belief)):
         for name, value in want._asdict().items():
             if isinstance(value, np.ndarray) and not np.allclose(getattr(got, name), value, EXACT, 0.0, equal_nan=True):
-                return f"{name} of the {half} differs from that of move(), measure(), track() and note()"
+                return f"{name} of the {half} differs from that of move(), measure(), track() and annotate()"
     return None
 
 

@@ -202,7 +202,7 @@ def _leaves(name: str, tree: Any) -> Iterator[Array]:
         raise InputError(f"{name} is {tree!r:.40}, expected a NamedTuple of arrays, or None")
 
 
-def own_tracker(tracker: object, names: Iterable[str]) -> Tracker | None:
+def given_tracker(tracker: object, names: Iterable[str]) -> Tracker | None:
     """The tracker that a user puts into a system; None for the name of one of the system's own.
 
     Args:

@@ -152,12 +152,12 @@ def test_the_recursion_is_the_loops_covariance():
 
 def test_the_tracker_adapts_where_the_targets_are_not_drawn_from_its_model() -> None:
     """The user can choose another tracker."""
-    trackers = {targets: KershawEvans(targets=targets)._own_tracker for targets in ("random", "scripted")}
+    trackers = {targets: KershawEvans(targets=targets)._given_tracker for targets in ("random", "scripted")}
     assert trackers["random"] is None
     assert [model.Q[1, 1] for model in trackers["scripted"].models] == [0.01, 1.0, 100.0]  # q dt
-    assert KershawEvans(targets="scripted", tracker="kalman")._own_tracker is None
-    assert KershawEvans(truth={"targets": "scripted"})._own_tracker is None  # what the tracker does not know
-    assert KershawEvans(tracker="imm", **CA)._own_tracker.models[2].Q[2, 2] == 100.0
+    assert KershawEvans(targets="scripted", tracker="kalman")._given_tracker is None
+    assert KershawEvans(truth={"targets": "scripted"})._given_tracker is None  # what the tracker does not know
+    assert KershawEvans(tracker="imm", **CA)._given_tracker.models[2].Q[2, 2] == 100.0
 
 
 @pytest.mark.slow

@@ -90,7 +90,7 @@ def test_measurements_are_those_of_the_truth():
     want = np.where(got.detected[..., None], z + np.sqrt(noise) * worlds.error[rows, 3, :, action], 0.0)
     np.testing.assert_allclose(got.z, want, rtol=1e-12)
     assert (got.silent.sum(), got.detected.sum()) > (5, 5)
-    noted = MISTAKEN.note(truth, got)
+    noted = MISTAKEN.annotate(truth, got)
     np.testing.assert_array_equal(noted.detections, got.detected.sum(axis=1))
     np.testing.assert_array_equal(noted.silent, got.silent)
 

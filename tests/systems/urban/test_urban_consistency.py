@@ -138,7 +138,7 @@ def test_losing_a_track_never_pays(since):
             if i and k >= since:
                 sensed[:, 0, :2] += 1e6  # beyond the reach; all other draws are the same
             found = SYSTEM.measure(truth._replace(targets=sensed), state.belief, action, worlds)
-            states[i] = type(state)(SYSTEM.note(truth, found), SYSTEM.track(state.belief, action, found))
+            states[i] = type(state)(SYSTEM.annotate(truth, found), SYSTEM.track(state.belief, action, found))
             cost[i] += SYSTEM.cost(states[i].belief)
         held.append([SYSTEM.state_info(state)["held"][:, 0].mean() for state in states])
     assert held[-1][0] > 0.9  # otherwise the test would show nothing

@@ -42,7 +42,7 @@ from wavegym.systems.recorded_targets import (
 from wavegym.targets import MotionModel, constant_turn
 from wavegym.trackers import predict_covariance
 from wavegym.trackers.association_kernels import CLUSTER_LIMIT
-from wavegym.trackers.protocol import Tracker, TrackerWithMemory, own_tracker
+from wavegym.trackers.protocol import Tracker, TrackerWithMemory, given_tracker
 from wavegym.waveforms import PulseTiming, check_range_folds, check_time_on_target, pulse_timings
 from wavegym.waveforms.timing import ENERGY
 
@@ -129,7 +129,7 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
     def __post_init__(self) -> None:
         """Check several fields together."""
         check_positive("sum of weights", sum(self.weights))
-        self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
+        self._given_tracker  # noqa: B018  (an invalid tracker is reported here)
         self._check_library()
         self._check_targets()
         self._recorded  # noqa: B018  (an invalid recording is reported here)
@@ -207,13 +207,13 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         return constant_turn(seconds, self.q, self.turn_rate, order="derivative")
 
     @cached_property
-    def _own_tracker(self) -> Tracker | None:
+    def _given_tracker(self) -> Tracker | None:
         """The given tracker; None for one of TRACKERS.
 
         Raises:
             InputError: no such tracker, or one with a memory where targets come and go.
         """
-        tracker = own_tracker(self.tracker, TRACKERS)
+        tracker = given_tracker(self.tracker, TRACKERS)
         if isinstance(tracker, TrackerWithMemory) and (any(self.births) or self.lifetime < self.horizon):
             wanted = "one without a memory: targets come and go (nearest: births of 0, and horizon <= lifetime)"
             raise InputError(f"tracker is {type(tracker).__name__}, expected {wanted}")

@@ -24,7 +24,7 @@ def fused_transition(system: AgileClutter, state: State, action: Array, world: A
     """One step: predict, transmit, detect, associate, update, sensor after sensor; by its parts where ``tracker``
     is given.
     """
-    if system._own_tracker:
+    if system._given_tracker:
         return system.composed_transition(state, action, world)
     return transmit(system, state, system.pulse(state.belief, action[:, None]), world)
 

@@ -62,7 +62,7 @@ class Belief(NamedTuple):
 
 
 class Measurements(NamedTuple):
-    """What the sensors report of one step. Only ``note`` reads the last two, because they depend on the truth."""
+    """What the sensors report of one step. Only ``annotate`` reads the last two, because they depend on the truth."""
 
     z: Array  # (env, sensor, return, 2) range and range-rate, by increasing range
     present: Array  # (env, sensor, return) bool: False beyond a sensor's number of returns

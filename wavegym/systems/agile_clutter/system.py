@@ -208,8 +208,8 @@ class AgileClutter(ClutterScenario, DecisionMakers):
 
     def _hypotheses(self, mean: Array, covariance: Array) -> Hypotheses:
         """The tracker's hypotheses at the first step: all are equal. Or what a tracker with a memory keeps."""
-        if self._own_tracker:
-            return _kept(begin_track(self._own_tracker, Estimate(mean, covariance), self.motion))
+        if self._given_tracker:
+            return _kept(begin_track(self._given_tracker, Estimate(mean, covariance), self.motion))
         if self.tracker == "mixture":
             return single_gaussian(mean, covariance, self.components)
         if self.tracker == "particle":
@@ -278,8 +278,8 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         """``track`` with any pulse."""
         if self.tracker == "particle":
             raise NotImplementedError("tracker='particle' works in transition() alone, expected another tracker")
-        if self._own_tracker:
-            own = GivenTracker(self._own_tracker, self.motion, self._targets, self._radar)
+        if self._given_tracker:
+            own = GivenTracker(self._given_tracker, self.motion, self._targets, self._radar)
             return own.follow(belief, pulse.rows((len(belief.step), 1)), measurements)
         step, mean, covariance, hypotheses = belief[:4]
         x, P = np.empty(mean.shape), np.empty(covariance.shape)
@@ -291,7 +291,7 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         )  # fmt: skip
         return belief._replace(step=step + 1, mean=x, covariance=P, hypotheses=fresh)
 
-    def note(self, truth: Any, measurements: Any) -> Any:
+    def annotate(self, truth: Any, measurements: Any) -> Any:
         """The truth with the counts of detections, clutter points and returns outside their gates."""
         scan = np.zeros(truth.scan.shape)
         scan[:, :2] = measurements.scan

@@ -18,7 +18,7 @@ from wavegym.systems.rf_eo.state import received_fields, received_values
 @shortcuts.fused_transition.register(CameraSlew)
 def fused_transition(system: CameraSlew, state: State, action: Array, world: World) -> State:
     """One step: targets move, the camera turns, radars and camera measure, the filter updates."""
-    if system.truth_model._recorded or system._own_tracker:
+    if system.truth_model._recorded or system._given_tracker:
         return system.composed_transition(state, action, world)
     truth, belief = state
     shape, fresh = truth.unseen.shape, system._empty(belief.step.shape)

@@ -58,8 +58,8 @@ class Belief(NamedTuple):
     settling: Array  # (env,) int: remaining steps to settle after the turn
     q: Array  # (env, target) m^2/s^3: process noise density
     visible: Array  # (env, H, target) bool: whether the line of sight from camera to target is free
-    memory: Any = None  # of a user's tracker with a memory; otherwise, and in predictions, None
-    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as a user's tracker assumes it; None: q
+    memory: Any = None  # of a given tracker with a memory; otherwise, and in predictions, None
+    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as a given tracker assumes it; None: q
 
 
 def camera_fields(targets: int) -> tuple[ObservationField, ...]:

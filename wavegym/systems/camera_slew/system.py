@@ -242,17 +242,17 @@ class CameraSlew(LookSystem, TimedPulses):
         vx, vy = self.speed * world.velocity[..., 0], self.speed * world.velocity[..., 1]
         return np.stack([x + r * np.sin(azimuth), vx, y + r * np.cos(azimuth), vy], axis=-1)
 
-    def _first_truth(self, world: World, targets: Array, q: Array, window: Array | None) -> Truth:
-        """The truth at step 0, when the camera has found no target yet."""
-        nothing = np.zeros(q.shape, np.int64)
-        return Truth(targets, nothing, nothing.copy(), np.zeros(q.shape, np.bool_), q, window)
-
-    def _first_belief(self, world: World, truth: Truth, estimate: Estimate, q: Array) -> Belief:
-        """The belief at step 0, when the camera looks along +y."""
-        step, (mean, covariance, *_) = np.zeros(len(q), np.int64), estimate
-        visible = visibility(self, world.window, self.targets)
+    def _first_state(self, world: World, targets: Array, window: Array | None, first: Estimate) -> State:
+        """The state at step 0: the camera looks along +y, has settled and has found no target yet."""
+        step, none = np.zeros(len(targets), np.int64), np.zeros(targets.shape[:2], np.int64)
+        densities = self.truth_model._densities(world), self._densities(world)
+        mean, covariance = first[:2]
         p, S = to_polar(mean, covariance, self.loop.places[0])
-        return Belief(step, mean, covariance, p, S, np.zeros(len(q)), step.copy(), q, visible)
+        visible = visibility(self, world.window, self.targets)
+        return State(
+            Truth(targets, none, none.copy(), none.astype(np.bool_), densities[0], window),
+            Belief(step, mean, covariance, p, S, np.zeros(len(step)), step.copy(), densities[1], visible),
+        )
 
     @cached_property
     def _true_motion(self) -> tuple[Array, Array]:
@@ -318,7 +318,7 @@ class CameraSlew(LookSystem, TimedPulses):
         polar = to_polar(estimate.mean, estimate.covariance, self.loop.places[0])
         return belief._replace(**estimate._asdict(), polar_mean=polar[0], polar_covariance=polar[1])
 
-    def note(self, truth: Truth, measurements: Measurements) -> Truth:
+    def annotate(self, truth: Truth, measurements: Measurements) -> Truth:
         """The truth with the number of quantities received, and whether the camera found each target."""
         received = np.isfinite(measurements.variance)
         seen = received[..., kernels.AZIMUTH].copy()

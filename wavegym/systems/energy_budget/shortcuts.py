@@ -19,7 +19,7 @@ from wavegym.trackers.jpda import reduction_table
 @shortcuts.fused_transition.register(EnergyBudget)
 def fused_transition(system: EnergyBudget, state: State, action: Array, world: Any) -> State:
     """One step: pay, transmit, detect unless the slot is occluded, update."""
-    if system._own_tracker:
+    if system._given_tracker:
         return system.composed_transition(state, action, world)
     used, left, is_clear = system._slot(state.belief, action, world)
     truth, belief = transmit(system, state, system._in_slot(used, is_clear), world)

@@ -192,10 +192,10 @@ class EnergyBudget(AgileClutter):
         after = self._follow(belief, self._in_slot(used, is_clear), measurements)
         return self._belief(after, left, self._occlusion_after(belief, is_clear))
 
-    def note(self, truth: Truth, measurements: Measurements) -> Truth:
+    def annotate(self, truth: Truth, measurements: Measurements) -> Truth:
         """AgileClutter's, with the energy spent, the occlusion and the replacement."""
         own = {name: getattr(measurements, name) for name in ("spent", "occluded", "replaced")}
-        noted: Truth = super().note(truth, measurements)._replace(**own)
+        noted: Truth = super().annotate(truth, measurements)._replace(**own)
         return noted
 
     def _slot(self, belief: Any, action: Array, world: Any) -> tuple[Array, Array, Array]:

@@ -22,7 +22,7 @@ from wavegym.trackers import predict
 @shortcuts.fused_transition.register(KershawEvans)
 def fused_transition(system: KershawEvans, state: State, action: Array, world: World) -> State:
     """One pulse: predict, measure at the true range, update; by its parts without the compiled Kalman filter."""
-    if system._own_tracker:
+    if system._given_tracker:
         return system.composed_transition(state, action, world)
     (_, path), (step, mean, covariance, *_) = state
     is_cut = system.library and system.eclipsing
@@ -59,7 +59,7 @@ def deterministic_recursion(system: KershawEvans, world: World) -> Recursion:
     Raises:
         NotImplementedError: another tracker than the Kalman filter.
     """
-    if system._own_tracker:
+    if system._given_tracker:
         raise NotImplementedError
     state = system.initial(world)
     ranges = state.truth.path[:, 1:, 0]

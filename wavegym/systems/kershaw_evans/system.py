@@ -49,7 +49,7 @@ from wavegym.targets import (
 from wavegym.targets.recorded_paths import recorded_paths
 from wavegym.trackers import predict_covariance, update_covariance
 from wavegym.trackers.imm import ImmKalman
-from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, own_tracker, track
+from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, given_tracker, track
 from wavegym.waveforms import PulseTiming, check_time_on_target, pulse_timings
 from wavegym.waveforms.timing import ENERGY
 
@@ -172,7 +172,7 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
             raise InputError(
                 "library is given with action='box', expected action='library': a box spans Gaussian chirps"
             )
-        self._own_tracker  # noqa: B018  (an invalid tracker is reported here)
+        self._given_tracker  # noqa: B018  (an invalid tracker is reported here)
         self.action_set.covariances, self.actions  # noqa: B018  (an invalid pulse is reported here)
         check_time_on_target(self.timings, self.dt)
         self._check_precision()
@@ -194,14 +194,14 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
         return (constant_acceleration if self.model == "ca" else constant_velocity)(self.dt, q)
 
     @cached_property
-    def _own_tracker(self) -> Tracker | None:
+    def _given_tracker(self) -> Tracker | None:
         """The tracker; None for the compiled Kalman filter."""
         tracker = self.tracker
         if tracker is None:
             tracker = "kalman" if self.targets == "random" else "imm"
         if tracker == "imm":
             return ImmKalman(tuple(self._motion_with(q) for q in self.densities))
-        return own_tracker(tracker, TRACKERS)
+        return given_tracker(tracker, TRACKERS)
 
     @cached_property
     def action_set(self) -> GaussianActions:
@@ -313,8 +313,8 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
         true_spread = np.linalg.cholesky(self.truth_model.first_covariance(world))
         mean = path[:, 0] + (true_spread * world.normal[:, :1, :n]).sum(axis=2)
         belief = Belief(np.zeros(len(path), dtype=np.int64), mean, self.first_covariance(world))
-        if self._own_tracker:
-            belief = _believed(belief.step, begin_track(self._own_tracker, _estimate(belief), self.motion))
+        if self._given_tracker:
+            belief = _believed(belief.step, begin_track(self._given_tracker, _estimate(belief), self.motion))
         return State(Truth(path[:, 0].copy(), path), belief)
 
     def first_covariance(self, world: World) -> Array:
@@ -337,8 +337,8 @@ class KershawEvans(System, RecordedTargets, TimedPulses):
 
     def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
         """One step of the tracker."""
-        if self._own_tracker:
-            return self._tracked(self._own_tracker, belief, measurements)
+        if self._given_tracker:
+            return self._tracked(self._given_tracker, belief, measurements)
         x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
         sizes = (0,) * len(self.weights), (0,) * MEASURED
         kernels.track(belief.mean, belief.covariance, *measurements, *self._model, *sizes, x, P)

@@ -31,7 +31,7 @@ from wavegym.systems.rf_eo.actions import PlatformActions
 from wavegym.systems.rf_eo.look_kernels import Rules
 from wavegym.systems.rf_eo.state import Belief
 from wavegym.targets import MotionModel, constant_turn
-from wavegym.trackers.protocol import Tracker, TrackerWithMemory, own_tracker
+from wavegym.trackers.protocol import Tracker, TrackerWithMemory, given_tracker
 from wavegym.waveforms import SPEED_OF_LIGHT, PulseTiming
 
 StateWeights = tuple[NonNegative, NonNegative, NonNegative, NonNegative]
@@ -201,9 +201,9 @@ class PlatformScenario(System, PlaysRecordings):
 
     def _check_tracker(self) -> None:
         """InputError for an invalid tracker, or for one with a memory if targets come and go."""
-        if isinstance(self._own_tracker, TrackerWithMemory) and self._come_and_go:
+        if isinstance(self._given_tracker, TrackerWithMemory) and self._come_and_go:
             wanted = "a tracker without begin(estimate, motion), because targets come and go"
-            raise InputError(f"tracker {type(self._own_tracker).__name__} has a memory, expected {wanted}")
+            raise InputError(f"tracker {type(self._given_tracker).__name__} has a memory, expected {wanted}")
 
     def _check_camera(self) -> None:
         """InputError for an image wider than the full circle."""
@@ -260,9 +260,9 @@ class PlatformScenario(System, PlaysRecordings):
         return constant_turn(self.dt, self.q, self.turn_rate)
 
     @cached_property
-    def _own_tracker(self) -> Tracker | None:
-        """The user's tracker; None for the compiled filter."""
-        return own_tracker(self.tracker, TRACKERS)
+    def _given_tracker(self) -> Tracker | None:
+        """The given tracker; None for the compiled filter."""
+        return given_tracker(self.tracker, TRACKERS)
 
     @cached_property
     def action_set(self) -> PlatformActions:

@@ -23,9 +23,9 @@ PROPOSED = ((60e3, 10e6, 1e-3), (40e3, 5e6, 1e-3))  # the non-adaptive settings:
 def fused_transition(system: RfEo, state: State, action: Array, world: World) -> State:
     """One step: targets move, platforms take their settings and measure, the filter updates.
 
-    With recorded targets, or with another tracker, the step is played by its parts.
+    With recorded targets, or with a given tracker, the step is played by its parts.
     """
-    if system._own_tracker or system.truth_model._recorded:
+    if system._given_tracker or system.truth_model._recorded:
         return system.composed_transition(state, action, world)
     (true_states, _, unseen, *_), (step, mean, covariance, *_) = state
     settings = system.aimed_settings(state.belief, action)

@@ -44,7 +44,7 @@ from wavegym.systems.rf_eo.state import (
     platform_fields,
     presence_fields,
 )
-from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track
+from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, check_kept
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
 LOST_AFTER = 10  # steps without any measurement
@@ -179,8 +179,8 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         truth = Truth(true_states, nothing, nothing.copy(), np.zeros(count), window)
         looks = np.tile(self.places[:, 2], (count, 1))
         first = Estimate(mean, covariance)
-        if self._own_tracker:
-            first = begin_track(self._own_tracker, first, self.motion)
+        if self._given_tracker:
+            first = begin_track(self._given_tracker, first, self.motion)
         return State(truth, _believed(np.zeros(count, np.int64), first, looks))
 
     @cached_property
@@ -224,14 +224,14 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         """One step of the tracker."""
         z, variance, *_ = measurements
         settings = self.aimed_settings(belief, action)
-        if self._own_tracker:
-            return self._tracked(self._own_tracker, belief, settings, z, variance)
+        if self._given_tracker:
+            return self._tracked(self._given_tracker, belief, settings, z, variance)
         x, P = np.empty(belief.mean.shape), np.empty(belief.covariance.shape)
         kernels.track(belief.step, belief.mean, belief.covariance, z, variance, settings, self._scene, x, P, NN)
         return Belief(belief.step + 1, x, P, settings[..., 3].copy())
 
     def _tracked(self, tracker: Tracker, belief: Belief, settings: Array, z: Array, variance: Array) -> Belief:
-        """``track`` with a user's tracker, platform by platform."""
+        """``track`` with the given tracker, platform by platform."""
         before = Estimate(belief.mean, belief.covariance, belief.memory, belief.process_noise)
         now = tracker.predict(before, self.motion)
         if self._come_and_go:
@@ -247,7 +247,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
             own = slice(3 * j, 3 * j + 3)
             for scan in self._scans(now, place, z[..., own], variance[..., own], turned):
                 now = tracker.update(now, scan)
-        return _believed(belief.step + 1, now, settings[..., 3].copy())
+        return _believed(belief.step + 1, check_kept(tracker, before, now), settings[..., 3].copy())
 
     def _scans(self, now: Estimate, place: Array, z: Array, variance: Array, turned: Array) -> list[Scan]:
         """The scans of the platform at ``place``, one for each set of quantities that were received together.
@@ -273,7 +273,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
                 scans.append(Scan(z[..., kept], present, target, R, model))
         return scans
 
-    def note(self, truth: Truth, measurements: Measurements) -> Truth:
+    def annotate(self, truth: Truth, measurements: Measurements) -> Truth:
         """The truth with the number of quantities received, and the predicted information."""
         received = np.isfinite(measurements.variance).sum(axis=2)
         unseen = np.where((received > 0) | ~measurements.present, 0, truth.unseen + 1)

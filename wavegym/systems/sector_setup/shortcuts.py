@@ -20,7 +20,7 @@ from wavegym.systems.sector_setup.system import SectorSetup
 @shortcuts.fused_transition.register(SectorSetup)
 def fused_transition(system: SectorSetup, state: State, action: Array, world: World) -> State:
     """One step: targets move, the illuminator is set up or sends a pulse, the filter updates."""
-    if system.truth_model._recorded or system._own_tracker:
+    if system.truth_model._recorded or system._given_tracker:
         return system.composed_transition(state, action, world)
     truth, belief = state
     targets, report, fresh = np.empty(truth.targets.shape), system._report(belief), system._fresh(belief)
@@ -29,7 +29,7 @@ def fused_transition(system: SectorSetup, state: State, action: Array, world: Wo
         system.motion.noise_factor, system.truth_model._radar, system._radar, targets, *report, *fresh, NN
     )  # fmt: skip
     measurements = system._measurements(*report)
-    return State(system.note(truth._replace(targets=targets), measurements), system._following(belief, *fresh))
+    return State(system.annotate(truth._replace(targets=targets), measurements), system._following(belief, *fresh))
 
 
 @shortcuts.delay.register(SectorSetup)

@@ -53,8 +53,8 @@ class Belief(NamedTuple):
     q: Array  # (env, target) process noise density as the tracker assumes it, m^2/s^3
     visible: Array  # (env, H, target) bool: visible from step k to k + 1, known in advance; all True if predicted
     looked: Array  # (env,) int: 1 if the last step's pulse found its target, -1 if it found nothing, 0 without a pulse
-    memory: Any = None  # of a user's tracker with a memory; otherwise, and in predictions, None
-    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as a user's tracker assumes it; None: q
+    memory: Any = None  # of a given tracker with a memory; otherwise, and in predictions, None
+    process_noise: Array | None = None  # (env, target, 4, 4) of the next step as a given tracker assumes it; None: q
 
 
 def report_fields(receivers: int, reference_range: float, speed: float) -> tuple[ObservationField, ...]:

@@ -157,15 +157,15 @@ class SectorSetup(LookSystem):
             rng.standard_normal((H, receivers, T, 2)),
         )
 
-    def _first_truth(self, world: World, targets: Array, q: Array, window: Array | None) -> Truth:
-        """The truth at step 0, before any pulse."""
-        none = np.zeros(len(q), np.int64)
-        return Truth(targets, q, self.truth_model._visible(world, targets), none, none.astype(np.bool_), window)
-
-    def _first_belief(self, world: World, truth: Truth, estimate: Estimate, q: Array) -> Belief:
-        """The belief at step 0, when the illuminator is set up for no target."""
-        zero, known = np.zeros(len(q), np.int64), self._known(world, truth.targets, truth.visible)
-        return Belief(zero, *estimate[:2], np.full(len(q), -1), zero.copy(), q, known, zero.copy())
+    def _first_state(self, world: World, targets: Array, window: Array | None, first: Estimate) -> State:
+        """The state at step 0: the illuminator is set up for no target and has sent no pulse."""
+        zero, real = np.zeros(len(targets), np.int64), self.truth_model
+        visible = real._visible(world, targets)
+        known = self._known(world, targets, visible)
+        return State(
+            Truth(targets, real._densities(world), visible, zero.copy(), zero.astype(np.bool_), window),
+            Belief(zero, *first[:2], zero - 1, zero.copy(), self._densities(world), known, zero.copy()),
+        )
 
     def _starts(self, world: World) -> Array:
         """First states of the targets, (env, target, 4): uniform in the region, with any heading."""
@@ -221,7 +221,7 @@ class SectorSetup(LookSystem):
             for j, site in enumerate(radar.sites[1:])
         ]
 
-    def note(self, truth: Truth, measurements: Measurements) -> Truth:
+    def annotate(self, truth: Truth, measurements: Measurements) -> Truth:
         """The truth with the number of detections, and whether no pulse was sent."""
         return truth._replace(detections=measurements.detected.sum(axis=1), silent=measurements.silent)
 

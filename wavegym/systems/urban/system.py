@@ -395,7 +395,7 @@ class Urban(System, DecisionMakers, TimedPulses):
         waves = (values[sent] for values in self._waves)
         return found._replace(R=self.urban_tracker.direct_errors(found.z, found.number, *waves))
 
-    def note(self, truth: Truth, measurements: Measurements) -> Truth:
+    def annotate(self, truth: Truth, measurements: Measurements) -> Truth:
         """The truth with the measurements of the scan."""
         return truth._replace(z=measurements.z, number=measurements.number)
 
