@@ -186,7 +186,7 @@ class PlatformActions:
 
     @cached_property
     def _turn_order(self) -> Array:
-        """Indices of ``turn_levels``, from the smallest turn to the largest, whichever its side."""
+        """Indices of ``turn_levels``, sorted by the size of the turn, to either side."""
         return np.argsort(np.abs(self.turn_levels), kind="stable")
 
     @property
