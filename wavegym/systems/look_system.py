@@ -24,7 +24,7 @@ from wavegym.systems.recorded_targets import (
     smoothing_parameter,
     tracks_parameter,
 )
-from wavegym.systems.rf_eo.kernels import measure
+from wavegym.systems.rf_eo.kernels import track_errors
 from wavegym.systems.rf_eo.scenario import MOST, StateVariance, StateWeights, TurnRate
 from wavegym.systems.visibility_windows import Window, given_windows, window_draws
 from wavegym.targets import MotionModel
@@ -210,7 +210,7 @@ class LookSystem(System, PlaysRecordings):
         """``position_error`` (m), ``position_variance`` (m^2) and ``nees`` of each target."""
         truth, belief = state
         values = np.empty((3, *belief.mean.shape[:2]))
-        measure(belief.mean, belief.covariance, truth.targets, values, NN)
+        track_errors(belief.mean, belief.covariance, truth.targets, values, NN)
         return dict(zip(("position_error", "position_variance", "nees"), values, strict=True))
 
 

@@ -59,7 +59,7 @@ def wander(system, count, seed=1):
 def test_nobody_is_told_when_buildings_hide_a_target():
     belief = SYSTEM.initial(oracles.worlds(SYSTEM, 20)).belief
     assert belief.visible.all()
-    assert SYSTEM.observation_fields == sector_fields(4, 2, 3, foretold=True)
+    assert SYSTEM.observation_fields == sector_fields(4, 2, 3, predicted=True)
 
 
 @pytest.mark.slow

@@ -429,7 +429,7 @@ def observe(mean, P, looks, scene, out, nn):
 
 
 @inlined
-def measure_one(e, t, mean, P, truth, L, d, values, nn):
+def track_errors_one(e, t, mean, P, truth, L, d, values, nn):
     """Fill position error, position variance and NEES e' P^-1 e of a target, values[:, e, t]."""
     for a in range(len(nn)):
         d[a] = mean[e, t, a] - truth[e, t, a]
@@ -439,12 +439,12 @@ def measure_one(e, t, mean, P, truth, L, d, values, nn):
 
 
 @kernel
-def measure(mean, P, truth, values, nn):
-    """``measure_one`` of every target, values (3, e, t)."""
+def track_errors(mean, P, truth, values, nn):
+    """``track_errors_one`` of every target, values (3, e, t)."""
     L, d = np.empty((len(nn), len(nn))), np.empty(len(nn))
     for e in range(mean.shape[0]):
         for t in range(mean.shape[1]):
-            measure_one(e, t, mean, P, truth, L, d, values, nn)
+            track_errors_one(e, t, mean, P, truth, L, d, values, nn)
 
 
 @kernel
@@ -467,7 +467,7 @@ def unfold(x, P, z, R, settings, scene, u, part, nn):
 
 @kernel
 def figures(step, mean, P, truth, unseen, share, stay, come_and_go, threshold, longest, values, flags, below, nn):
-    """The figures of a state: values (3, e, t) of ``measure_one``, 0 for a target that is not in the scene.
+    """The figures of a state: values (3, e, t) of ``track_errors_one``, 0 for a target that is not in the scene.
 
     flags (2, e, t): whether a target is lost (nothing received for more than ``longest`` steps), and whether it is in
     the scene. All targets are in the scene unless they ``come_and_go``. below (e,): whether ``share``, the least
@@ -477,7 +477,7 @@ def figures(step, mean, P, truth, unseen, share, stay, come_and_go, threshold, l
     for e in range(mean.shape[0]):
         some = False
         for t in range(mean.shape[1]):
-            measure_one(e, t, mean, P, truth, L, d, values, nn)
+            track_errors_one(e, t, mean, P, truth, L, d, values, nn)
             here = not come_and_go or is_here(t, step[e], stay)
             flags[0, e, t], flags[1, e, t], some = unseen[e, t] > longest, here, some or here
             if not here:

@@ -134,7 +134,7 @@ class SectorSetupCity(SectorSetup):
     def observation_fields(self) -> tuple[ObservationField, ...]:
         """As in SectorSetup; if visibility is predicted, with its probability."""
         known = self._times_are_known
-        return sector_fields(self.targets, len(self.receivers), self.dead_steps, foretold=not known)
+        return sector_fields(self.targets, len(self.receivers), self.dead_steps, predicted=not known)
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:
@@ -171,7 +171,7 @@ class SectorSetupCity(SectorSetup):
             InputError: fewer than one step.
         """
         out = np.empty((len(belief.step), check_int("steps", steps, 1), belief.mean.shape[1]))
-        prediction_kernels.foretell(*self._expected(belief)[:8], self._radar, out, NN)
+        prediction_kernels.predict_visibility(*self._expected(belief)[:8], self._radar, out, NN)
         return out
 
 

@@ -20,7 +20,13 @@ from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.detection_kernels import detection
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.sensors.multipath_kernels import SightTable
-from wavegym.systems.sector_setup.visibility_kernels import DOUBT, condition_one, is_foretold, of_a_miss, sight_one
+from wavegym.systems.sector_setup.visibility_kernels import (
+    DOUBT,
+    condition_one,
+    of_a_miss,
+    sight_one,
+    visibility_is_predicted,
+)
 from wavegym.trackers.kernels import absorb_rows_one, gain_one, shrink_one
 from wavegym.trackers.sigma_point_kernels import regress_one, sigma_points_one, update_from_one
 
@@ -308,7 +314,7 @@ def track_one(e, t, w, sent, last, mean, P, q, z, seen, radar, x, P_out, work, n
         detections += seen[e, j]
     if detections > 0:
         update_one(t, x[e], P_out[e], w, z[e], seen[e], radar, work, nn)
-    if sent and is_foretold(radar):
+    if sent and visibility_is_predicted(radar):
         notice_one(t, x[e], P_out[e], detections > 0, last, radar, work, nn)
     return 0 if not sent else (1 if detections > 0 else -1)
 

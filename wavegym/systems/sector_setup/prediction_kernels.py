@@ -28,9 +28,9 @@ from wavegym.systems.sector_setup.visibility_kernels import (
     condition_one,
     condition_worth,
     drawn_place,
-    is_foretold,
     of_a_miss,
     sight_one,
+    visibility_is_predicted,
 )
 from wavegym.trackers.kernels import correct_one, gain_one, shrink_one, spread_one
 
@@ -141,7 +141,7 @@ def look_ahead(t, x, P, last, radar, work, sight, P_missed, nn):
     """
     look_all(t, x, radar, work)
     copy_matrix(P[t], P_missed[t])
-    if not is_foretold(radar):
+    if not visibility_is_predicted(radar):
         return 1.0
     clear = sight_one(t, x, P, last, radar, sight)
     condition_covariance(t, P_missed, sight, 1.0, of_a_miss(none_detects(work[1])), nn)
@@ -284,7 +284,7 @@ def gain(step, mean, P, pointed, q, visible, looked, target, waveform, wait, M, 
                 weights = M[min(len(M), horizon - k) - 1]
                 project_one(V, weights, work[3], U, G, B, nn, mm)
                 last, late = t, delay
-                if is_foretold(radar):
+                if visibility_is_predicted(radar):
                     recent = looked[e] if pointed[e] == t and delay == 0 else 0
                     clear, found = sight_one(0, ahead, V, recent, radar, sight), 1.0 - none_detects(work[1])
                     learned = (1.0 - clear * found) * condition_worth(
@@ -296,14 +296,14 @@ def gain(step, mean, P, pointed, q, visible, looked, target, waveform, wait, M, 
 
 
 @inlined
-def foretell_one(e, k, t, ahead, V, q, visible, last, radar, shown, x, P, nn):
+def predict_visibility_one(e, k, t, ahead, V, q, visible, last, radar, shown, x, P, nn):
     """Fill shown (s,): probability that target t is visible in steps k, k + 1, ...; ahead[0], V[0]: after step k.
 
     x (1, n) and P (1, n, n) are scratch space.
     """
     for s in range(len(shown)):
         shown[s] = is_visible(e, k + s, t, visible)
-    if not is_foretold(radar):
+    if not visibility_is_predicted(radar):
         return
     for s in range(len(shown)):
         if s == 0:
@@ -317,7 +317,7 @@ def foretell_one(e, k, t, ahead, V, q, visible, last, radar, shown, x, P, nn):
 
 
 @kernel
-def foretell(step, mean, P, pointed, dead, q, visible, looked, radar, out, nn):
+def predict_visibility(step, mean, P, pointed, dead, q, visible, looked, radar, out, nn):
     """Fill out (e, s, t): the probability that each target is visible in the next steps; 0 after the last step."""
     ahead, V = np.empty((1, len(nn))), np.empty((1, len(nn), len(nn)))
     x, P_later, shown = np.empty((1, len(nn))), np.empty((1, len(nn), len(nn))), np.empty(out.shape[1])
@@ -326,7 +326,7 @@ def foretell(step, mean, P, pointed, dead, q, visible, looked, radar, out, nn):
             coast_mean_one(t, mean[e], radar.dt, radar.turn_rate, 0, ahead)
             coast_one(t, P[e], radar.dt, radar.turn_rate, q[e, t], 0, V)
             last = looked[e] if pointed[e] == t else 0
-            foretell_one(e, step[e], t, ahead, V, q[e, t], visible, last, radar, shown, x, P_later, nn)
+            predict_visibility_one(e, step[e], t, ahead, V, q[e, t], visible, last, radar, shown, x, P_later, nn)
             for s in range(len(shown)):
                 out[e, s, t] = shown[s]
 
@@ -352,7 +352,7 @@ def observe(step, mean, P, pointed, dead, q, visible, looked, radar, soon, out, 
             coast_one(t, P[e], radar.dt, radar.turn_rate, q[e, t], 0, V)
             look_all(0, ahead, radar, work)
             last = looked[e] if pointed[e] == t else 0
-            foretell_one(e, k, t, ahead, V, q[e, t], visible, last, radar, shown, later, P_later, nn)
+            predict_visibility_one(e, k, t, ahead, V, q[e, t], visible, last, radar, shown, later, P_later, nn)
             now, change, share = shown[0], soon, 0.0
             for s in range(soon - 1, -1, -1):
                 share += shown[s]

@@ -95,7 +95,7 @@ def illuminator_fields(targets: int, dead_steps: int) -> tuple[ObservationField,
 
 
 def sector_fields(
-    targets: int, receivers: int, dead_steps: int, foretold: bool = False
+    targets: int, receivers: int, dead_steps: int, predicted: bool = False
 ) -> tuple[ObservationField, ...]:
     """Observation fields, in the order in which the kernel ``observe`` writes them.
 
@@ -103,7 +103,7 @@ def sector_fields(
         targets: number of targets.
         receivers: number of receivers.
         dead_steps: number of steps of a set-up.
-        foretold: whether visibility is predicted; the fields then give its probability in place of known times.
+        predicted: whether visibility is predicted; the fields then give its probability in place of known times.
     """
     listed = [
         ObservationField("time_left", "1", 0.5, 0.3, "fraction of the horizon still to come"),
@@ -111,7 +111,7 @@ def sector_fields(
     ]
     for t in range(1, targets + 1):
         of, windows = f"of target {t}, one step ahead", window_fields(t)
-        if foretold:
+        if predicted:
             meanings = (
                 f"probability that target {t} is visible in the next step",
                 f"steps until its probability passes 1/2, at most {SOON}",

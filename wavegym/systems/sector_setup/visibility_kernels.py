@@ -24,7 +24,7 @@ FLAT = 1e-12  # least share of a variance that remains in the other coordinate
 
 
 @inlined
-def is_foretold(radar):
+def visibility_is_predicted(radar):
     """Whether visibility is predicted, because buildings hide targets at unknown times."""
     return radar.table.clear.shape[0] > 0
 
