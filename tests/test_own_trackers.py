@@ -55,6 +55,7 @@ def plain():
 
 @pytest.mark.filterwarnings("ignore:.*parameters that differ")
 @pytest.mark.parametrize("name", ["filterpy_ekf", "filterpy_ukf", "stonesoup_kalman"])
+@pytest.mark.slow
 def test_the_filters_of_other_packages_cost_the_same(plain, name) -> None:
     """The loop is linear, so all are the Kalman filter: only rounding differs. The agent keeps its gain."""
     other = compare(ID, ["myopic", "ppo"], worlds=WORLDS, jobs=1, tracker=f"own_parts.trackers:{name}")

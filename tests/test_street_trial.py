@@ -15,6 +15,8 @@ from wavegym.systems.urban.scan_kernels import expect
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "street"))
 from street import LIVE, Street
 
+pytestmark = pytest.mark.slow
+
 COUNT = 12
 
 

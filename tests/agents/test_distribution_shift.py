@@ -18,6 +18,7 @@ CASES = [(env, name, given) for env, shifts in shift.load_shifts().items() for n
 
 
 @pytest.mark.parametrize(("env", "name", "given"), CASES, ids=[f"{env}: {name}" for env, name, _ in CASES])
+@pytest.mark.slow
 def test_every_shift_is_another_world_that_shows_the_same_elements(env: str, name: str, given: dict) -> None:
     env_id = f"wavegym/{env}-v0"
     assert env_id in SYSTEMS

@@ -70,6 +70,7 @@ def test_accounts_are_what_was_played(folders: Path) -> None:
     assert found.against("myopic", "best-simple").value == pytest.approx(0.0)
 
 
+@pytest.mark.slow
 def test_the_tables_go_between_the_marks(folders: Path) -> None:
     leaderboard.play(ID, jobs=1)
     leaderboard.renew([ID])

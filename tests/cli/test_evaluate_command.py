@@ -32,6 +32,7 @@ def test_help_says_where_the_policies_are_listed(capsys):
 
 
 @pytest.mark.parametrize("env_id", ["KershawEvansPosition-v0", "wavegym/KershawEvansPosition-v0"])
+@pytest.mark.slow
 def test_a_comparison_is_written_and_its_table_printed(tmp_path, capsys, env_id):
     assert run(tmp_path, env_id, "--policies", "random, fixed:3,lookahead:2", "--seed", "9") == 0
     assert list(policies(tmp_path)) == ["myopic", "random", "fixed:3", "lookahead:2"]

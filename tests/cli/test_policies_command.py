@@ -22,6 +22,7 @@ LADDERS = Path(__file__).parents[2] / "results" / "headroom"
 
 
 @pytest.mark.parametrize("name", ["KershawEvansPosition-v0", "RfEo-v0", "SectorSetupCity-v0", "EnergyBudgetKnown-v0"])
+@pytest.mark.slow
 def test_what_the_ladder_played_applies_and_its_other_heuristics_do_not(name):
     played = set(json.loads((LADDERS / f"{name}.json").read_text())["policies"])
     system = make_task(name, {}).system

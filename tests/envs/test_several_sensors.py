@@ -52,6 +52,7 @@ def making(system, settings, num_envs, autoreset_mode, max_episode_steps=None):
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("reward", ["trace", "relative"])
+@pytest.mark.slow
 def test_every_form_does_what_gymnasiums_vector_environment_does(form, reward):
     assert check_vector_env(factory(TwoSensors(action=form), reward=reward)) is None
 

@@ -38,6 +38,7 @@ def assert_same(got, want):
 @pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("num_envs", EPISODES)
+@pytest.mark.slow
 def test_native_equals_sync_over_episodes_with_partial_resets(num_envs, mode, settings):
     native, oracle = pair(num_envs, mode, horizon=8, **settings)
     rng = np.random.default_rng(num_envs)
@@ -114,6 +115,7 @@ def test_specifications_survive_json(id):
 
 
 @pytest.mark.parametrize("id", wavegym.list_envs())
+@pytest.mark.slow
 def test_both_environment_checkers_pass_without_a_warning(id):
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     with warnings.catch_warnings():

@@ -78,6 +78,7 @@ def test_a_box_has_no_choices_to_show() -> None:
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
 @pytest.mark.parametrize("env_id", ["wavegym/SectorSetup-v0", "wavegym/AgileClutter-v0", "wavegym/RfEoFar-v0"])
+@pytest.mark.slow
 def test_a_browser_draws_it(env_id: str, tmp_path: Path) -> None:
     parameters: dict[str, Any] = {"horizon": 6} if "RfEo" in env_id else {}
     played = compare(env_id, {"myopic": None, "random": None}, worlds=5, jobs=1, progress=False, **parameters)
@@ -101,6 +102,7 @@ def test_a_browser_draws_it(env_id: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
+@pytest.mark.slow
 def test_names_are_text_not_markup(comparison: Comparison, tmp_path: Path) -> None:
     write_report(comparison, tmp_path)
     text = drawn(tmp_path / "report.html", tmp_path / "profile")

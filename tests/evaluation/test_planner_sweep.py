@@ -57,6 +57,7 @@ def test_the_settings_go_over_depth_futures_and_base():
     assert settings_to_sweep(SYSTEM, list(BASES), [mine])[0] is mine
 
 
+@pytest.mark.slow
 def test_a_row_is_the_geometric_mean_of_paired_ratios(small):
     worlds = delay_worlds(SYSTEM, 6)
     rows = sweep(SYSTEM, BASES, worlds, 600.0, progress=False)

@@ -152,6 +152,7 @@ def test_the_table_is_markdown_with_the_cheapest_first(folder, comparison):
         assert names == sorted(names, key=lambda name: comparison.cost(name).mean())
 
 
+@pytest.mark.slow
 def test_the_picture_shows_every_policy_in_its_own_colour(folder):
     pixels = matplotlib.image.imread(folder / "comparison.png")[..., :3]
     assert min(pixels.shape[:2]) > 500
@@ -165,6 +166,7 @@ def test_a_second_report_takes_the_place_of_the_first(folder, comparison):
     assert sorted(os.listdir(folder)) == FILES
 
 
+@pytest.mark.slow
 def test_a_full_disk_leaves_the_earlier_files_as_they_were(folder, comparison):
     before = {name: (folder / name).read_bytes() for name in FILES}
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)

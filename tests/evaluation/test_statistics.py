@@ -42,6 +42,7 @@ def test_the_interval_over_worlds_covers_the_mean_of_log_normal_costs_as_often_a
     assert abs(covered - statistics.LEVEL) < 3 * np.sqrt(0.95 * 0.05 / trials) + 1 / worlds
 
 
+@pytest.mark.slow
 def test_the_interval_of_a_paired_ratio_covers_it_although_worlds_differ_far_more_than_policies():
     data = np.random.default_rng(2)
     trials, covered, widths = 200, 0, []

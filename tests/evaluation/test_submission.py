@@ -73,6 +73,7 @@ def test_a_submission_is_played_as_compare_plays_it(folder: Path, tmp_path: Path
     assert float(line.split("|")[2]) == pytest.approx(100.0 * np.expm1(ratio), abs=0.06)
 
 
+@pytest.mark.slow
 def test_what_was_played_is_kept_until_policy_or_worlds_change(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -28,6 +28,7 @@ def search(out: Path, trials: int, **changes: Any) -> str:
     return tuning.tune(ID, "ppo", trials, 0, {**SMALL["ppo"], **changes}, {"horizon": 7}, out)
 
 
+@pytest.mark.slow
 def test_trials_are_kept_and_the_best_is_a_settings_table(tmp_path: Path, untuned: None) -> None:
     search(tmp_path, 1)
     best = search(tmp_path, 3)

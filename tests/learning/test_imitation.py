@@ -272,6 +272,7 @@ def test_imitated_actions_have_higher_q_values_by_the_margin() -> None:
 
 
 @pytest.mark.parametrize("policy", ["scorer", "mlp"])
+@pytest.mark.slow
 def test_dqn_imitates_too(policy: str) -> None:
     own = {"policy": policy, "network": (16,), "forecasts": True, "exploration_initial_eps": 0.1, "critic_warm_up": 40}
     imitation = {"teacher": "rollout:4", "teacher_episodes": 4, "imitation_rounds": 2, "imitation_epochs": 2}

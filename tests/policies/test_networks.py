@@ -247,6 +247,7 @@ def _observed(policy: Any, parameters: dict[str, Any]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", AGENTS)
+@pytest.mark.slow
 def test_every_packaged_agent_has_a_range_that_its_test_worlds_keep(name: str) -> None:
     """In at least nine tenths of the decisions, so that there is no warning."""
     run = json.loads((PRETRAINED / name / "run.json").read_text())

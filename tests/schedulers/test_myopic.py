@@ -35,6 +35,7 @@ def objectives(system, mean, P):
 
 @pytest.mark.parametrize("objective", ["trace", "determinant", "gate"])
 @pytest.mark.parametrize("system", [KershawEvansPosition(), KershawEvans(sweeps=(0.0, 1e6, -1e6), **CA)])
+@pytest.mark.slow
 def test_the_choice_is_the_least_over_all_actions(system, objective):
     rng = np.random.default_rng(0)
     n = len(system.weights)

@@ -69,6 +69,7 @@ def test_the_plan_is_what_is_played():
 
 
 @pytest.mark.parametrize("kwargs", [{"tolerance": 0.05}, {"nodes": 20}, {"nodes": 1}, {"tolerance": 0.3, "nodes": 3}])
+@pytest.mark.slow
 def test_the_bound_is_certified(kwargs):
     for system in (small(5), small_ca(5, start_covariance="random")):
         worlds = oracles.worlds(system, 6)
@@ -85,6 +86,7 @@ def test_a_plan_that_is_not_certified_is_not_called_the_optimum():
         prepared(system, oracles.worlds(system, 6), nodes=1)
 
 
+@pytest.mark.slow
 def test_a_tolerance_bounds_the_loss_over_whole_episodes():
     system = KershawEvansPosition()
     worlds = oracles.worlds(system, 5)

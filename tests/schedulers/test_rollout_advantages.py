@@ -47,6 +47,7 @@ def test_what_cannot_be_paid_has_none_and_the_rest_compare_among_themselves():
 
 
 @pytest.mark.parametrize("holds", [(1,), (1, 3)])
+@pytest.mark.slow
 def test_more_futures_say_the_same_with_less_noise(holds):
     system = EnergyBudget()
     belief = system.initial(draw_worlds(system, world_seeds(0, "tune", 1))).belief

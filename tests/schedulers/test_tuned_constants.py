@@ -165,6 +165,7 @@ def test_the_command_tunes_compares_and_writes(tmp_path, delay_task, small_grids
     assert record["searches"]["searched-rule"]["worlds"] == 4
 
 
+@pytest.mark.slow
 def test_the_command_searches_named_heuristics_alone_and_keeps_the_planner_as_measured(tmp_path, delay_task):
     key, out = tuned_constants.record_key(SYSTEM), tmp_path / "tuned.toml"
     before = {"best-simple": "aware-greedy", "best-planner": "rollout:3", "aware-greedy": {"kappa": 0.7, "ahead": 5}}

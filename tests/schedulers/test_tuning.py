@@ -117,6 +117,7 @@ inside = st.floats(-0.6, 0.6)
 
 @settings(max_examples=30)
 @given(st.tuples(inside, inside), st.sampled_from([1.0, 0.7]))
+@pytest.mark.slow
 def test_the_best_constant_of_a_box_is_found_though_others_diverge(best, cliff):
     found = best_constant(Bowl(best, cliff), np.zeros(3))
     np.testing.assert_allclose(found, best, atol=2 * TOLERANCE)

@@ -134,6 +134,7 @@ def append(key, *, covariance=S, present=(True, True, True), gate=GATE, density=
     return z[:count]
 
 
+@pytest.mark.slow
 def test_numbers_are_poisson_with_the_mean_of_the_union(scans, union):
     counts = np.array([len(z) for z in scans])
     mean = 0.05 * union[0]

@@ -213,6 +213,7 @@ def test_the_mean_inverse_of_a_rayleigh_echo_diverges_even_given_a_detection():
     assert mean_inverse_detected_snr(snr, false_alarm, "swerling0", least=50.0) == 1.0 / 50.0
 
 
+@pytest.mark.slow
 def test_one_draw_decides_on_detection_and_on_the_snr():
     """A draw below Pd, divided by Pd, gives the law of the detected echoes: a tape needs one number a look."""
     draws, snr, false_alarm = np.random.default_rng(5).random(100_000), 6.0, 0.02

@@ -269,6 +269,7 @@ WORLDS: tuple[Variant, ...] = (
 
 
 @pytest.mark.parametrize(("name", "settings"), WORLDS, ids=str)
+@pytest.mark.slow
 def test_tracker_and_schedulers_keep_their_assumptions(name, settings):
     """With one belief and the same measurements, all is the same as in the assumed world, except for the targets.
 

@@ -147,6 +147,7 @@ def simulated_pda(pd, clutter, scenes, rng, gate=4.0):
 
 
 @pytest.mark.parametrize(("pd", "clutter"), [(0.3, 0.5), (0.6, 20.0), (0.9, 5.0), (0.95, 100.0), (1.0, 1.0)])
+@pytest.mark.slow
 def test_same_as_a_plain_simulation_of_the_pda(pd, clutter):
     samples = simulated_pda(pd, clutter, 15_000, np.random.default_rng(0))
     q2 = information_reduction(pd, clutter)
@@ -172,6 +173,7 @@ def test_shipped_table_is_what_the_script_makes(tmp_path):
     np.testing.assert_allclose(again, shipped, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_interpolation_error():
     exact = integrated_reduction(PD, CLUTTER)
     np.testing.assert_allclose(information_reduction(PD, CLUTTER), exact, rtol=1e-3)

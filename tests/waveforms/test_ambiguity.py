@@ -115,6 +115,7 @@ def test_a_down_chirp_mirrors_the_up_chirp():
     ],
     ids=["up", "unmodulated", "train"],
 )
+@pytest.mark.slow
 def test_volume_is_one(waveform, delay, doppler):
     """The ambiguity volume int int |chi|^2 = |chi(0, 0)|^2 for any waveform."""
     delays, dopplers = np.linspace(-delay, delay, 301), np.linspace(-doppler, doppler, 401)

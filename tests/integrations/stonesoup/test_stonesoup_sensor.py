@@ -95,6 +95,7 @@ def test_draws_do_not_depend_on_the_waveform():
     assert abs(drawn[0] - drawn[1]).min() > 1e-3
 
 
+@pytest.mark.slow
 def test_errors_have_the_covariance_of_the_detection():
     radar = radar_of()
     radar.waveform = 12

@@ -120,6 +120,7 @@ def test_without_intervals_every_claim_is_undecided(paper, summary):
 
 
 @pytest.mark.parametrize("name", ["rf_eo", "urban"])
+@pytest.mark.slow
 def test_a_single_run_has_no_interval_and_no_verdict(name, rf_eo_study, urban_study):
     played = {"rf_eo": rf_eo_study, "urban": urban_study}[name]
     one = {case: type(runs)(*(array[:1] for array in runs)) for case, runs in played.runs.items()}

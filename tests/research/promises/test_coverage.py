@@ -13,6 +13,7 @@ def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(coverage, "DRAWS", 100)
 
 
+@pytest.mark.slow
 def test_intervals_of_lognormal_ratios_are_as_good_as_they_say() -> None:
     """A hundred draws of a share of 95 %: four standard deviations are 9 %."""
     rng = np.random.default_rng(0)
@@ -21,6 +22,7 @@ def test_intervals_of_lognormal_ratios_are_as_good_as_they_say() -> None:
     assert (abs(share - 0.95) < 0.09).all()
 
 
+@pytest.mark.slow
 def test_a_rare_world_that_decides_is_found() -> None:
     """A draw of a hundred worlds misses one of them in 37 % of cases: (1 - 1/100)^100."""
     others = np.ones((1, 100))

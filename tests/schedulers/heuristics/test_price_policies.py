@@ -138,6 +138,7 @@ def test_budgets_are_kept(heuristic):
     assert (SPENDING[rollout(SYSTEM, heuristic, worlds).actions].sum(axis=1) <= SYSTEM.budget + 1e-6).all()
 
 
+@pytest.mark.slow
 def test_the_adaptive_price_uses_up_the_account_and_beats_greedy_spending():
     system = DelaySystem(horizon=20, setup=0, budget=5.0)
     worlds = delay_worlds(system, 40)

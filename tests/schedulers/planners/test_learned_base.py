@@ -54,6 +54,7 @@ def test_the_base_alone_plays_as_the_agent_does_bit_for_bit(env_id):
 
 
 @pytest.mark.parametrize("name", ["rollout:2@ppo", "tree:2@ppo", "receding-horizon@ppo", "plan-once@ppo"])
+@pytest.mark.slow
 def test_a_planner_follows_a_saved_agent(name):
     comparison = compare(ID, {name: None, "ppo": None}, worlds=3, jobs=1, horizon=4)
     planned, learned = comparison.cost(name), comparison.cost("ppo")

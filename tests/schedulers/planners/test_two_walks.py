@@ -84,6 +84,7 @@ def least_cost():
     return float(RegularGridInterpolator((axis, axis), to_go)(FIRST)[0])
 
 
+@pytest.mark.slow
 def test_a_rollout_to_the_end_is_within_5_percent_of_the_optimum_and_never_below(least_cost):
     found = rollout(TwoWalks(), RolloutPlanner(Myopic(), STEPS), np.zeros(1)).cost.sum()
     assert least_cost <= found <= 1.05 * least_cost

@@ -138,6 +138,7 @@ def inside_bounds(nees, level):
     ("tracker", "reference"),
     list(product(TRACKERS, (50e3, 200e3))),
 )
+@pytest.mark.slow
 def test_trackers_are_consistent_without_clutter(tracker, reference):
     """Mean NEES of 200 worlds inside its 95 % bounds; steps of one target are correlated, hence 0.85 of them."""
     system = AgileClutter(tracker=tracker, particles=50, clutter_density=0.0, reference_range=reference)

@@ -42,6 +42,7 @@ def cut(waveform):
     return at
 
 
+@pytest.mark.slow
 def test_transition_and_prediction_are_the_plain_loop_with_cut_echoes():
     """Tables of the cut pulse have errors of 1e-9 and less of the whole; some echoes are whole, some cut, some gone."""
     system = AgileClutter(tracker="jpda", **NEAR, **WELL)

@@ -60,6 +60,7 @@ def test_a_sensor_on_the_map_is_marked():
     assert markers == [[[1.2, -0.4]]]
 
 
+@pytest.mark.slow
 def test_a_gate_holds_its_targets_true_measurement_and_the_pulses_own_ellipse():
     held = []
     for seed in range(6):

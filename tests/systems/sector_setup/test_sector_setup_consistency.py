@@ -100,6 +100,7 @@ def measure_all(system, points):
 
 @pytest.mark.parametrize("seen", [(True, True), (True, False)], ids=["both receivers", "one receiver"])
 @pytest.mark.parametrize(("name", "spread", "speed"), [("plain", 500.0, 25.0), ("city", 15.0, 1.0)])
+@pytest.mark.slow
 def test_an_update_has_the_moments_of_the_posterior(name, spread, speed, seen):
     """A prior many times as wide as a measurement is fine, in 8 cases.
 

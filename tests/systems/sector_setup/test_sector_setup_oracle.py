@@ -53,6 +53,7 @@ def ready(system, belief, target, seen=True):
 
 
 @LOOPS
+@pytest.mark.slow
 def test_whole_episodes(system):
     """Means to 1e-7 of a standard deviation, covariances to 1e-9."""
     rng, worlds = np.random.default_rng(1), oracles.worlds(system, 4)

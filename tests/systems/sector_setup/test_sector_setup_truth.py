@@ -54,6 +54,7 @@ def test_targets_hide_although_the_belief_does_not_expect_it(name):
 
 @EVERY
 @pytest.mark.parametrize("k", [10, 30])
+@pytest.mark.slow
 def test_losing_a_track_never_pays(name, k):
     """Pairs of worlds, in one of which target 1 is not detected from step k on: the mean cost of no step falls.
 

@@ -169,6 +169,7 @@ def test_a_steady_echo_has_the_mean_snr():
     assert_alike(mean.predict(belief, np.arange(4)[None]), realised.predict(belief, np.arange(4)[None]))
 
 
+@pytest.mark.slow
 def test_the_world_may_have_errors_that_the_tracker_does_not_assume():
     """``truth`` changes the world alone: what the tracker predicts from a belief stays."""
     mean, both = Urban(), Urban(error_snr="realised")

@@ -153,6 +153,7 @@ def test_the_caption_counts(crossing):
         {"arrivals": (0.0, 5.0, 10.0), "slots": 20, "durations": (1e-6, 2e-6, 3e-6)},
     ],
 )
+@pytest.mark.slow
 def test_any_numbers_are_drawn(changes):
     scene, moment = drawn(Urban(**changes), 45, actions=LONG_UP)
     present = moment.states[-1].truth.present[0]

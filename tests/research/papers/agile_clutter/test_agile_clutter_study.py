@@ -36,6 +36,8 @@ from wavegym.schedulers import Fixed, Myopic, Progressive, rollout
 from wavegym.schedulers.tuning import best_fixed
 from wavegym.systems.agile_clutter.system import AgileClutter
 
+pytestmark = pytest.mark.slow
+
 RUNS, SEED = 8, 3
 
 

@@ -51,6 +51,7 @@ def test_the_box_has_no_larger_objective_at_the_first_step(played, scene):
 
 
 @pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.slow
 def test_gate_and_trace_are_those_of_plain_matrices(played, scene):
     loop = study.system(Case(scene, DRAWN, TRACE))
     runs = played.of(scene, TRACE)

@@ -47,6 +47,7 @@ def test_verdicts_on_the_results():
 @pytest.mark.parametrize(
     ("ci", "verdict"), [((11.0, 20.0), "yes"), ((8.0, 20.0), "undecided"), ((2.0, 9.0), "no"), ((0.1, 0.5), "no")]
 )
+@pytest.mark.slow
 def test_an_order_of_magnitude(summary, ci, verdict):
     summary["scenes"][PUBLISHED]["policies"][PROPOSED]["late_over_myopic"] = of_ratio(*ci)
     assert verdict_on(check_claims(summary), "The fixed settings have a larger RMSE", PUBLISHED) == verdict

@@ -37,6 +37,8 @@ from wavegym.evaluation import play as shell
 from wavegym.schedulers.registry import make_policy
 from wavegym.systems.rf_eo.shortcuts import PROPOSED as SETTINGS
 
+pytestmark = pytest.mark.slow
+
 C = 299_792_458.0
 
 

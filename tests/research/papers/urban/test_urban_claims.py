@@ -56,6 +56,7 @@ def test_verdicts_on_the_results():
         ((0.90, 0.95), (1.10, 1.20), "no"),
     ],
 )
+@pytest.mark.slow
 def test_the_headline(summary, confirmed, rmse, verdict):
     over = figures_of(summary, LOOSE, CLOSED)["over_open"]
     over["confirmed"], over["rmse"] = of_ratio(*confirmed), of_ratio(*rmse)

@@ -18,6 +18,8 @@ from wavegym.systems.urban.state import make_scene
 from wavegym.systems.urban.tracker import CONFIRMED, Tracks
 from wavegym.targets import ScriptedPath
 
+pytestmark = pytest.mark.slow
+
 ANTENNAS = (0.0, 0.0), ((10.0, 0.0), (-10.0, 0.0))  # in one line: what lies above it has its mirror image below
 SCANS, WALL = 10, 60.0
 

@@ -37,6 +37,8 @@ from wavegym.evaluation import statistics
 from wavegym.schedulers.registry import make_policy
 from wavegym.systems.urban.tracker import CONFIRMED, EMPTY, Tracks
 
+pytestmark = pytest.mark.slow
+
 SCANS = 140
 THERE = 140 + 101  # scans of the first target and of the second, which comes at the fortieth
 
