@@ -44,7 +44,7 @@ from wavegym.systems.rf_eo.state import (
     platform_fields,
     presence_fields,
 )
-from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track
+from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, check_kept
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
 LOST_AFTER = 10  # steps without any measurement
@@ -232,7 +232,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
     def _tracked(self, tracker: Tracker, belief: Belief, settings: Array, z: Array, variance: Array) -> Belief:
         """``track`` by the given tracker, platform after platform."""
         before = Estimate(belief.mean, belief.covariance, belief.memory, belief.process_noise)
-        now = tracker.predict(before, self.motion)
+        now = check_kept(tracker, before, tracker.predict(before, self.motion))
         if self._come_and_go:
             here = self.present(belief.step + 1)[..., None]
             mean, covariance = np.where(here, now.mean, before.mean), now.covariance
@@ -245,7 +245,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
             turned = settings[:, None, j, 3] - place[2]
             own = slice(3 * j, 3 * j + 3)
             for scan in self._scans(now, place, z[..., own], variance[..., own], turned):
-                now = tracker.update(now, scan)
+                now = check_kept(tracker, now, tracker.update(now, scan))
         return _believed(belief.step + 1, now, settings[..., 3].copy())
 
     def _scans(self, now: Estimate, place: Array, z: Array, variance: Array, turned: Array) -> list[Scan]:
