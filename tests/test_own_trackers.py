@@ -409,6 +409,22 @@ def test_a_tracker_that_returns_no_estimate_of_the_targets_is_refused(name, how,
         assert "\n" not in str(error.value)
 
 
+class Counted(ExtendedKalman):
+    """A tracker that counts its predictions in itself, and trusts each of them less than the one before."""
+
+    count = 0
+
+    def predict(self, estimate, motion):
+        self.count += 1
+        after = super().predict(estimate, motion)
+        return after._replace(covariance=after.covariance * (1.0 + 0.01 * self.count))
+
+
+def test_a_tracker_that_keeps_something_in_itself_is_a_defect() -> None:
+    defect = "mean of the belief differs if the same step is repeated, expected a tracker that keeps nothing in itself"
+    assert defect in str(shortcut_defect(make_task("CameraSlew-v0", {"tracker": Counted()}).system))
+
+
 class Filter:
     """A filter of one target that returns ``found``."""
 
