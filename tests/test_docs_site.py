@@ -57,7 +57,8 @@ def test_the_navigation_leads_to_every_page_of_an_environment():
     nav = [{"Get started": ["index.md"]}, {"Environments": ["environments/index.md"]}]
     section = HOOKS["on_config"]({"nav": nav})["nav"][1]["Environments"]
     pages = ["environments/index.md", *(page for entry in section[1:] for page in entry.values())]
-    assert sorted(pages) == sorted(str(page.relative_to(ROOT / "docs")) for page in ENVIRONMENTS.glob("*.md"))
+    written = sorted(str(page.relative_to(ROOT / "docs")) for page in ENVIRONMENTS.glob("*.md"))
+    assert sorted(pages) == written, "make docs, or python -m research.pages, writes the page of a new environment"
 
 
 def test_the_places_that_the_contributors_guide_names_exist():

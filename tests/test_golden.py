@@ -45,7 +45,9 @@ def test_saved_agents_play_as_recorded(name):
 def test_every_environment_is_recorded():
     import wavegym
 
-    assert {f"wavegym/{name}" for name in RECORDED} == {id for id in wavegym.list_envs() if id.startswith("wavegym/")}
+    ids = {id for id in wavegym.list_envs() if id.startswith("wavegym/")}
+    renew = "python tests/golden.py record tests/golden.json records a new environment"
+    assert {f"wavegym/{name}" for name in RECORDED} == ids, renew
 
 
 def test_a_changed_tape_or_cost_is_noticed():

@@ -26,7 +26,7 @@ from wavegym.targets import constant_velocity
 from wavegym.testing import check_vector_env
 from wavegym.testing.shortcut_check import shortcut_defect
 from wavegym.trackers.polar_kernels import to_polar
-from wavegym.trackers.protocol import Estimate, ExtendedKalman, MeasurementModel, Scan
+from wavegym.trackers.protocol import Estimate, ExtendedKalman, MeasurementModel, OneByOne, Scan
 from wavegym.waveforms import TrapezoidChirp
 from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 
@@ -374,6 +374,109 @@ def test_a_lost_memory_is_refused(name) -> None:
     first = np.zeros_like(env.action_space.sample())
     with pytest.raises(InputError, match=r"memory of Forgetful is None, expected an estimate with memory as begin\(\)"):
         [env.step(first) for _ in range(8)]  # a set-up has no measurement in its first steps
+
+
+class Faulty(ExtendedKalman):
+    """A tracker that spoils each estimate of the method ``at`` by ``how``."""
+
+    def __init__(self, at, how) -> None:
+        self.at, self.how = at, how
+
+    def predict(self, estimate, motion):
+        after = super().predict(estimate, motion)
+        return self.how(after) if self.at == "predict" else after
+
+    def update(self, estimate, scan):
+        after = super().update(estimate, scan)
+        return self.how(after) if self.at == "update" else after
+
+
+@pytest.mark.parametrize("name", ["KershawEvans", "RfEo", "CameraSlew", "AgileClutter"])
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        (lambda after: None, "estimate of Faulty is None, expected an Estimate"),
+        (tuple, r"estimate of Faulty is \(array.*, expected an Estimate"),
+        (lambda after: after._replace(mean=after.mean[..., :1]), r"Faulty: mean has shape \(2, \d, 1\), expected"),
+        (
+            lambda after: after._replace(covariance=after.mean),
+            r"Faulty: covariance has shape \(2, \d, \d\), expected",
+        ),
+        (lambda after: after._replace(mean=after.mean * np.nan), r"Faulty: mean\[0, 0, 0\] is nan, expected finite"),
+        (lambda after: after._replace(memory=after.mean), r"memory of Faulty is array\(.*, expected an estimate with"),
+    ],
+)
+def test_a_tracker_that_returns_no_estimate_of_the_targets_is_refused(name, how, message) -> None:
+    for at in ("predict", "update") if name in ("RfEo", "KershawEvans") else ("predict",):
+        env = gym.make_vec(f"wavegym/{name}-v0", num_envs=2, tracker=Faulty(at, how))
+        env.reset(seed=1)
+        with pytest.raises(InputError, match=message) as error:  # noqa: PT012
+            for _ in range(5):
+                env.step(env.action_space.sample())
+        assert "\n" not in str(error.value)
+
+
+class Counted(ExtendedKalman):
+    """A tracker that counts its predictions in itself, and trusts each of them less than the one before."""
+
+    count = 0
+
+    def predict(self, estimate, motion):
+        self.count += 1
+        after = super().predict(estimate, motion)
+        return after._replace(covariance=after.covariance * (1.0 + 0.01 * self.count))
+
+
+def test_a_tracker_that_keeps_something_in_itself_is_a_defect() -> None:
+    defect = "mean of the belief differs if the same step is repeated, expected a tracker that keeps nothing in itself"
+    assert defect in str(shortcut_defect(make_task("CameraSlew-v0", {"tracker": Counted()}).system))
+
+
+class Filter:
+    """A filter of one target that returns ``found``."""
+
+    def __init__(self, found) -> None:
+        self.found = found
+
+    def predict(self, x, P, motion):
+        return x, P
+
+    def update(self, x, P, z, R, model):
+        return self.found
+
+
+@pytest.mark.parametrize(
+    ("found", "shapes"),
+    [
+        ((np.zeros(1), np.eye(2)), r"\(\(1,\), \(2, 2\)\)"),
+        ((0.0, np.eye(2)), r"\(\(\), \(2, 2\)\)"),
+        (np.zeros(2), r"\(2,\)"),
+        (None, r"\(\)"),
+    ],
+)
+def test_a_filter_that_returns_other_shapes_is_refused(found, shapes) -> None:
+    env = gym.make_vec(ID, num_envs=2, tracker=OneByOne(Filter(found)))
+    env.reset(seed=1)
+    with pytest.raises(InputError, match=rf"Filter returned shapes {shapes}, expected x, P of \(\(2,\), \(2, 2\)\)"):
+        env.step(np.zeros(2, np.int64))
+
+
+def makes_nothing(argument):
+    """A factory that needs an argument."""
+
+
+MADE = OneByOne(Filter(None))
+
+
+def test_a_tracker_or_filter_with_other_methods_is_refused() -> None:
+    with pytest.raises(InputError, match=r"expected an object with predict\(estimate, motion\).*nearest: OneByOne"):
+        gym.make(ID, tracker=Filter(None))
+    for place in ("makes_nothing", "MADE"):
+        with pytest.raises(InputError, match=rf"tracker is '{__name__}:{place}', expected .* function or class"):
+            gym.make(ID, tracker=f"{__name__}:{place}")
+    for wrong in (Filter, ExtendedKalman(), 3):
+        with pytest.raises(InputError, match=r"expected an object with predict\(x, P, motion\) and update"):
+            OneByOne(wrong)
 
 
 def test_pulses_of_ones_own() -> None:

@@ -11,7 +11,7 @@ import pytest
 from delay_systems import DelaySystem
 
 from wavegym.core import shortcuts
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, InputWarning
 from wavegym.core.shortcuts import KINDS, why_not
 from wavegym.core.traits import TRAITS, lacks_trait
 from wavegym.evaluation.play import make_task
@@ -160,6 +160,21 @@ def test_only_a_class_can_have_a_shortcut():
         shortcuts.gain.register("Mine")
 
 
+def test_a_shortcut_replaces_functions_that_the_system_has(monkeypatch):
+    monkeypatch.setattr("wavegym.core.shortcuts.KINDS", dict(KINDS))
+    with pytest.raises(InputError, match="expected names of functions: @shortcut"):
+        shortcuts.shortcut(named_gain)
+
+    @shortcuts.shortcut("predikt", "gain")
+    def misspelt(system, belief):
+        """Never void."""
+
+    with pytest.raises(
+        InputError, match=r"misspelt replaces 'predikt', expected a function of DelaySystem; .*'predict'"
+    ):
+        misspelt.register(DelaySystem)
+
+
 def named_gain(system, belief):
     """Of somebody else."""
 
@@ -168,7 +183,9 @@ named_gain.__name__ = "gain"
 
 
 def test_a_kind_may_come_from_outside(monkeypatch):
-    monkeypatch.setattr("wavegym.core.shortcuts.KINDS", dict(KINDS))
+    kinds = dict(KINDS)
+    monkeypatch.setattr("wavegym.core.shortcuts.KINDS", kinds)
+    monkeypatch.setattr("wavegym.testing.shortcut_check.KINDS", kinds)
 
     @shortcuts.shortcut("cost")
     def worst_target(system, belief):
@@ -180,6 +197,12 @@ def test_a_kind_may_come_from_outside(monkeypatch):
     def largest(system, belief):
         return np.trace(belief.covariance, axis1=-2, axis2=-1).argmax(axis=-1)
 
+    with pytest.warns(
+        InputWarning, match=r"worst_target of DelaySystem is not checked, expected .*CHECKS\['worst_target"
+    ):
+        assert shortcut_defect(DelaySystem()) is None
+    monkeypatch.setitem(CHECKS, "worst_target", lambda system, at: f"{len(at.belief.step)} environments")
+    assert shortcut_defect(DelaySystem()) == "worst_target at step 0: 3 environments"
     with pytest.raises(InputError, match=r"shortcut gain of .* is declared in wavegym.core.shortcuts already"):
         shortcuts.shortcut("cost")(named_gain)
 
@@ -276,7 +299,10 @@ def test_what_the_suite_offers(name):
     system = make_task(name, {}).system
     has = [trait.__name__ for trait in TRAITS if not lacks_trait(system, trait)]
     has += [name for name, kind in KINDS.items() if kind.of(system)]
-    assert " ".join(sorted(has)) == OFFERED[type(system).__name__]
+    # A class without a row of its own offers what its base class does.
+    assert " ".join(sorted(has)) == next(
+        OFFERED[cls.__name__] for cls in type(system).__mro__ if cls.__name__ in OFFERED
+    )
 
 
 def test_every_registration_of_the_suite_is_checked():

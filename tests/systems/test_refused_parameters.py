@@ -63,7 +63,7 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"interval": 1e-4}, r"folds at 14989.6 m, .* farthest target, 31800.2 m \(nearest: interval"),
     ],
     "CameraSlew": [
-        ({"tracker": "kalmann"}, "tracker is 'kalmann', expected one of 'kalman'; did you mean 'kalman'"),
+        ({"tracker": "kalmann"}, "expected one of 'kalman', 'package.module:name'; did you mean 'kalman'"),
         ({"sector": (1.0, -1.0)}, r"sector is \(1, -1\).*nearest: \(-1, 1\)"),
         ({"ranges": (2e3, 1e3)}, "ranges is"),
         ({"q": (2.0, 1.0)}, r"q is \(2, 1\)"),
@@ -98,7 +98,7 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"model": "cw"}, "expected one of 'cv', 'ca'"),
         ({"sweeps": (1e6, 1e6)}, "2 times"),
         ({"start_range": (2e4, 1e4)}, "start_range is"),
-        ({"tracker": "imn"}, "tracker is 'imn', expected one of 'kalman', 'imm'; did you mean 'imm'"),
+        ({"tracker": "imn"}, "expected one of 'kalman', 'imm', 'package.module:name'; did you mean 'imm'"),
         ({"tracker": 5}, "tracker is 5, expected an object with predict"),
         ({"densities": ()}, "densities is ()"),
         ({"dt": 0.5, "durations": (1.0,)}, r"takes 3.64277 s, .*\(nearest: 0.5 s of transmission\)"),
@@ -147,7 +147,7 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"weights": np.eye(3)}, r"weights has rows of \[3, 3, 3\] elements, expected 4 numbers, or 4 rows of 4"),
         ({"weights": np.zeros((4, 4))}, "sum of weights is 0.0"),
         ({"penalty": "logistc"}, "penalty is 'logistc'.*'logistic'"),
-        ({"tracker": "ekff"}, "tracker is 'ekff', expected one of 'ekf'; did you mean 'ekf'"),
+        ({"tracker": "ekff"}, "tracker is 'ekff', expected one of 'ekf', 'package.module:name'; did you mean 'ekf'"),
         ({"tracker": ExtendedKalman}, r"tracker is <class .*, expected an object with predict.*nearest: OneByOne"),
         (
             {"tracker": ImmKalman((constant_velocity(1.0, 1.0),)), "births": (0, 9)},

@@ -21,7 +21,7 @@ from typing import Any, Generic, NamedTuple, ParamSpec, TypeVar
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError
+from wavegym.core.errors import InputError, nearest
 from wavegym.core.horizon_weights import LinearCost
 from wavegym.core.traits import DwellRule, lacks_trait
 
@@ -72,9 +72,17 @@ class Shortcut(Generic[P, R]):
         return self.name
 
     def register(self, cls: type) -> Callable[[Function], Function]:
-        """A decorator of the implementation for systems of this class and of its subclasses."""
+        """A decorator of the implementation for systems of this class and of its subclasses.
+
+        Raises:
+            InputError: no class, or one without a function that the shortcut replaces.
+        """
         if not isinstance(cls, type):
-            raise InputError(f"{self.name} was registered for {cls!r}, expected a class of systems")
+            raise InputError(f"{self.name} was registered for {cls!r:.40}, expected a class of systems")
+        for name in self.replaces:
+            if name not in KINDS and not hasattr(cls, name) and name not in getattr(cls, "__dataclass_fields__", ()):
+                wanted = f"a function of {cls.__name__}{nearest(name, dir(cls))}"
+                raise InputError(f"{self.name} replaces {name!r}, expected {wanted}")
 
         def registered(function: Function) -> Function:
             self._put(cls, function)
@@ -147,7 +155,14 @@ def shortcut(*replaces: str, generic: bool = False) -> Callable[[Callable[P, R]]
     Args:
         replaces: names of the functions of the contract whose results it replaces.
         generic: whether the function itself is the implementation for all other systems.
+
+    Raises:
+        InputError: something else than names, as ``@shortcut`` without parentheses gives.
     """
+    if not all(isinstance(name, str) for name in replaces):
+        raise InputError(
+            f"shortcut replaces {replaces!r:.40}, expected names of functions: @shortcut('predict', 'cost')"
+        )
     return lambda declared: Shortcut(declared, replaces, generic)
 
 

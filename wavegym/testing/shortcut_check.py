@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ from wavegym.core import shortcuts, trees
 from wavegym.core.action_sets import ParameterBox
 from wavegym.core.arrays import Array
 from wavegym.core.covariances import trace_cost
+from wavegym.core.errors import InputWarning
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.policy import makers_by_form
 from wavegym.core.shortcuts import KINDS
@@ -44,14 +46,22 @@ Check = Callable[[Any, Sample], str | None]  # (system, sample) -> defect
 def shortcut_defect(system: System, seed: int = 0) -> str | None:
     """The first shortcut or trait that is declared wrongly or disagrees with the generic functions; None if all agree.
 
-    A kind that somebody else has declared is checked where ``CHECKS`` has a function for it.
+    A kind that somebody else has declared is checked where ``CHECKS`` has a function for it. Otherwise an InputWarning
+    names it.
     """
     defect = _declaration_defect(system)
     if defect:
         return defect
     candidates = system.candidates()
     candidates = candidates[:: -(-len(candidates) // FEW)]
-    checks = {name: check for name, check in CHECKS.items() if not KINDS[name].why_not(system)}
+    offered = [name for name, kind in KINDS.items() if not kind.why_not(system)]
+    checks = {name: check for name, check in CHECKS.items() if name in offered}
+    for name in offered:
+        if name not in checks:
+            wanted = f"a function wavegym.testing.shortcut_check.CHECKS[{name!r}]"
+            warnings.warn(
+                f"{name} of {type(system).__name__} is not checked, expected {wanted}", InputWarning, stacklevel=2
+            )
     if isinstance(system, DecisionMakers):
         checks["DecisionMakers"] = _decision_makers
     for state, world in _episodes(system, candidates, seed):
@@ -229,12 +239,21 @@ def _decision_makers(system: Any, at: Sample) -> str | None:
 def _fused(system: Any, at: Sample) -> str | None:
     """The compiled step against the sequence of its parts, leaf by leaf."""
     action = np.repeat(at.candidates[-1:], WORLDS, axis=0)
-    parts = system.composed_transition(at.state, action, at.world)
-    whole = shortcuts.fused_transition(system, at.state, action, at.world)
-    for half, got, want in (("truth", whole.truth, parts.truth), ("belief", whole.belief, parts.belief)):
+    parts, again = (system.composed_transition(at.state, action, at.world) for _ in range(2))
+    differing = _differing(again, parts)
+    if differing:
+        return f"{differing} differs if the same step is repeated, expected a tracker that keeps nothing in itself"
+    differing = _differing(shortcuts.fused_transition(system, at.state, action, at.world), parts)
+    return f"{differing} differs from that of move(), measure(), track() and annotate()" if differing else None
+
+
+def _differing(state: Any, other: Any) -> str | None:
+    """The first array in which two states differ by more than rounding."""
+    for half in ("truth", "belief"):
+        got, want = getattr(state, half), getattr(other, half)
         for name, value in want._asdict().items():
             if isinstance(value, np.ndarray) and not np.allclose(getattr(got, name), value, EXACT, 0.0, equal_nan=True):
-                return f"{name} of the {half} differs from that of move(), measure(), track() and annotate()"
+                return f"{name} of the {half}"
     return None
 
 

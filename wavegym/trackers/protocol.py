@@ -10,13 +10,14 @@ each filter the model of its target, with a Q of (n, n).
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from wavegym.core.arrays import Array
+from wavegym.core.arrays import Array, check_finite, check_shape
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.registry import load_object
 from wavegym.targets.motion import MotionModel
@@ -95,18 +96,26 @@ class TargetFilter(Protocol):
 
 @dataclass(frozen=True)
 class OneByOne:
-    """A tracker that runs a filter for each target of each environment."""
+    """A tracker that runs a filter for each target of each environment.
+
+    Raises:
+        InputError: a filter without the two methods of ``TargetFilter``, or one that returns other shapes.
+    """
 
     filter: TargetFilter
+
+    def __post_init__(self) -> None:
+        if not _has_methods(self.filter, predict=3, update=5):
+            wanted = "an object with predict(x, P, motion) and update(x, P, z, R, model)"
+            raise InputError(f"filter is {self.filter!r}, expected {wanted}")
 
     def predict(self, estimate: Estimate, motion: MotionModel) -> Estimate:
         """See ``Tracker``."""
         after = _copied(estimate)
         for at in np.ndindex(*estimate.mean.shape[:2]):
             own = motion if motion.Q.ndim == 2 else replace(motion, Q=motion.Q[at])
-            after.mean[at], after.covariance[at] = self.filter.predict(
-                estimate.mean[at].copy(), estimate.covariance[at].copy(), own
-            )
+            found = self.filter.predict(estimate.mean[at].copy(), estimate.covariance[at].copy(), own)
+            self._put(after, at, found)
         return after
 
     def update(self, estimate: Estimate, scan: Scan) -> Estimate:
@@ -115,10 +124,17 @@ class OneByOne:
         after = _copied(estimate)
         for e, i in np.argwhere(scan.present).tolist():
             at = e, scan.target[e, i]
-            after.mean[at], after.covariance[at] = self.filter.update(
-                after.mean[at].copy(), after.covariance[at].copy(), scan.z[e, i], scan.R[e, i], scan.model
-            )
+            x, P = after.mean[at].copy(), after.covariance[at].copy()
+            self._put(after, at, self.filter.update(x, P, scan.z[e, i], scan.R[e, i], scan.model))
         return after
+
+    def _put(self, after: Estimate, at: tuple[int, ...], found: Any) -> None:
+        """Enter what the filter has ``found`` for a target: NumPy alone would broadcast other shapes."""
+        shapes = tuple(map(np.shape, found)) if isinstance(found, tuple) else np.shape(found)
+        wanted = after.mean.shape[2:], after.covariance.shape[2:]
+        if shapes != wanted:
+            raise InputError(f"{type(self.filter).__name__} returned shapes {shapes}, expected x, P of {wanted}")
+        after.mean[at], after.covariance[at] = found
 
 
 class ExtendedKalman:
@@ -158,15 +174,12 @@ def begin_track(tracker: Tracker, estimate: Estimate, motion: MotionModel) -> Es
     """The first estimate, with the memory and process noise of a ``TrackerWithMemory``.
 
     Raises:
-        InputError: a memory that is no NamedTuple of arrays with axis 0 = environment.
+        InputError: no estimate of these targets, or a memory that is no NamedTuple of arrays with axis 0 = environment.
     """
     if not isinstance(tracker, TrackerWithMemory):
         return estimate
     first = tracker.begin(estimate, motion)
-    for leaf in _leaves("memory", first.memory):
-        if np.shape(leaf)[:1] != (len(estimate.mean),):
-            wanted = f"axis 0 = environment: ({len(estimate.mean)}, ...)"
-            raise InputError(f"memory of {type(tracker).__name__} has shape {np.shape(leaf)}, expected {wanted}")
+    _check_estimate(tracker, estimate, first)
     return first
 
 
@@ -174,21 +187,48 @@ def track(tracker: Tracker, estimate: Estimate, motion: MotionModel, *scans: Sca
     """The estimate one step later, with one scan after another.
 
     Raises:
-        InputError: a tracker that loses its memory or its process noise.
+        InputError: see ``check_kept``.
     """
-    after = tracker.predict(estimate, motion)
+    after = check_kept(tracker, estimate, tracker.predict(estimate, motion))
     for scan in scans:
-        after = tracker.update(after, scan)
-    return check_kept(tracker, estimate, after)
+        after = check_kept(tracker, after, tracker.update(after, scan))
+    return after
 
 
 def check_kept(tracker: Tracker, before: Estimate, after: Estimate) -> Estimate:
-    """``after``; InputError if a tracker has lost its memory or its process noise, or has made one in play."""
+    """``after``, which a method of the tracker returned for the estimate ``before``.
+
+    Raises:
+        InputError: no estimate of the same targets in finite numbers, or one that has lost its memory or its process
+            noise, or has made one in play.
+    """
+    _check_estimate(tracker, before, after)
     for field in ("memory", "process_noise"):
         if (getattr(after, field) is None) != (getattr(before, field) is None):
             wanted = f"an estimate with {field} as begin() returns it (nearest: estimate._replace(...))"
-            raise InputError(f"{field} of {type(tracker).__name__} is {getattr(after, field)!r:.40}, expected {wanted}")
+            raise InputError(
+                f"{field} of {type(tracker).__name__} is {_brief(getattr(after, field))}, expected {wanted}"
+            )
     return after
+
+
+def _check_estimate(tracker: Tracker, before: Estimate, after: Any) -> None:
+    """InputError unless ``after`` is an estimate of the targets of ``before``, in finite numbers."""
+    name = type(tracker).__name__
+    if not isinstance(after, Estimate):
+        wanted = "an Estimate (nearest: estimate._replace(...))"
+        raise InputError(f"estimate of {name} is {_brief(after)}, expected {wanted}")
+    shapes = {"mean": before.mean.shape, "covariance": before.covariance.shape}
+    if after.process_noise is not None:
+        shapes["process_noise"] = before.covariance.shape
+    for field, shape in shapes.items():
+        found = np.asarray(getattr(after, field))
+        check_shape(f"{name}: {field}", found, shape)
+        check_finite(f"{name}: {field}", found)
+    for leaf in _leaves("memory", after.memory):
+        if np.shape(leaf)[:1] != shapes["mean"][:1]:
+            wanted = f"axis 0 = environment: ({len(before.mean)}, ...)"
+            raise InputError(f"memory of {name} has shape {np.shape(leaf)}, expected {wanted}")
 
 
 def _leaves(name: str, tree: Any) -> Iterator[Array]:
@@ -199,7 +239,12 @@ def _leaves(name: str, tree: Any) -> Iterator[Array]:
     elif isinstance(tree, np.ndarray):
         yield tree
     elif tree is not None:
-        raise InputError(f"{name} is {tree!r:.40}, expected a NamedTuple of arrays, or None")
+        raise InputError(f"{name} is {_brief(tree)}, expected a NamedTuple of arrays, or None")
+
+
+def _brief(value: object) -> str:
+    """The start of a value's text, in one line."""
+    return " ".join(repr(value).split())[:40]
 
 
 def given_tracker(tracker: object, names: Iterable[str]) -> Tracker | None:
@@ -214,7 +259,7 @@ def given_tracker(tracker: object, names: Iterable[str]) -> Tracker | None:
     """
     if not isinstance(tracker, str) or ":" in tracker:
         return make_tracker(tracker)
-    check_choice("tracker", tracker, names)
+    check_choice("tracker", tracker, (*names, "package.module:name"))
     return None
 
 
@@ -222,10 +267,34 @@ def make_tracker(tracker: object) -> Tracker:
     """``tracker`` itself, or what a function or class at ``"package.module:name"`` makes.
 
     Raises:
-        InputError: nothing that predicts and updates, or nothing at that place.
+        InputError: nothing that predicts and updates, or no function or class at that place that needs no argument.
     """
-    made = load_object("tracker", tracker)() if isinstance(tracker, str) else tracker
-    if isinstance(made, type) or not isinstance(made, Tracker):
+    made = tracker
+    if isinstance(tracker, str):
+        factory = load_object("tracker", tracker)
+        if not _takes(factory, 0):
+            wanted = "the place of a function or class that makes a tracker, without arguments"
+            raise InputError(f"tracker is {tracker!r}, expected {wanted}")
+        made = factory()
+    if not isinstance(made, Tracker) or not _has_methods(made, predict=2, update=2):
         wanted = "an object with predict(estimate, motion) and update(estimate, scan)"
         raise InputError(f"tracker is {tracker!r}, expected {wanted} (nearest: OneByOne(filter))")
     return made
+
+
+def _has_methods(part: object, **counts: int) -> bool:
+    """Whether ``part`` is an object, not a class, whose methods take these numbers of arguments."""
+    return not isinstance(part, type) and all(_takes(getattr(part, name, None), n) for name, n in counts.items())
+
+
+def _takes(function: Any, count: int) -> bool:
+    """Whether ``function`` can be called with ``count`` arguments, as far as its signature tells."""
+    if not callable(function):
+        return False
+    try:
+        inspect.signature(function).bind(*[None] * count)
+    except TypeError:
+        return False
+    except ValueError:  # compiled: it has no signature
+        return True
+    return True

@@ -75,12 +75,12 @@ class GivenTracker:
         step, (births, lifetime) = belief.step, self.targets
         is_here = (births < step[:, None] + 1) & (step[:, None] + 1 <= births + lifetime)
         before = Estimate(belief.mean, belief.covariance, *(belief.hypotheses or ()))
-        now = _chosen(is_here, self.tracker.predict(before, self.motion), before)
+        now = check_kept(self.tracker, before, self.tracker.predict(before, self.motion))
+        now = _chosen(is_here, now, before)
         for i in range(len(self.radar[0])):
             is_lit, scan = self._scan(i, now, step, pulse, measurements)
-            now = _chosen(is_lit, self.tracker.update(now, scan), now)
+            now = _chosen(is_lit, check_kept(self.tracker, now, self.tracker.update(now, scan)), now)
         mean = np.where((births == step[:, None] + 1)[..., None], measurements.first, now.mean)
-        now = check_kept(self.tracker, before, now)
         return belief._replace(step=step + 1, mean=mean, covariance=now.covariance, hypotheses=_kept(now))
 
     def _scan(

@@ -233,7 +233,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
     def _tracked(self, tracker: Tracker, belief: Belief, settings: Array, z: Array, variance: Array) -> Belief:
         """``track`` with the given tracker, platform by platform."""
         before = Estimate(belief.mean, belief.covariance, belief.memory, belief.process_noise)
-        now = tracker.predict(before, self.motion)
+        now = check_kept(tracker, before, tracker.predict(before, self.motion))
         if self._come_and_go:
             here = self.present(belief.step + 1)[..., None]
             mean, covariance = np.where(here, now.mean, before.mean), now.covariance
@@ -246,8 +246,8 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
             turned = settings[:, None, j, 3] - place[2]
             own = slice(3 * j, 3 * j + 3)
             for scan in self._scans(now, place, z[..., own], variance[..., own], turned):
-                now = tracker.update(now, scan)
-        return _believed(belief.step + 1, check_kept(tracker, before, now), settings[..., 3].copy())
+                now = check_kept(tracker, now, tracker.update(now, scan))
+        return _believed(belief.step + 1, now, settings[..., 3].copy())
 
     def _scans(self, now: Estimate, place: Array, z: Array, variance: Array, turned: Array) -> list[Scan]:
         """The scans of the platform at ``place``, one for each set of quantities that were received together.
