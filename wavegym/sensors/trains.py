@@ -39,8 +39,8 @@ def motion_loss(
 
     White acceleration of density q turns the phase of the echo by a variance of x = (4 pi / lambda)^2 q T^3 over a
     train of T seconds. It leaves the mean share (1 + x / 115)^-0.336, fitted to simulated trains (within 0.16 dB). A
-    steady acceleration a sweeps the echo through 2 a T / lambda Hz; it leaves the peak of the spectrum of that sweep, by
-    Fresnel's integrals, averaged over normal a. Both together leave the smaller of the two shares (within 0.6 dB).
+    steady acceleration a sweeps the echo through 2 a T / lambda Hz; it leaves the peak of the spectrum of that sweep,
+    by Fresnel's integrals, averaged over normal a. Both together leave the smaller of the two shares (within 0.6 dB).
 
     Args:
         duration: T of the train, s, >= 0, any shape.
