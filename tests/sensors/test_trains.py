@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import maximum_filter
 
 from wavegym.core.errors import InputError
+from wavegym.sensors.detection import detection_probability
 from wavegym.sensors.trains import false_return_density, false_return_threshold, mean_rate_variance, motion_loss
 from wavegym.waveforms import GaussianChirp, PulseTrain, TrapezoidChirp, Waveform
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
@@ -94,6 +95,50 @@ def test_noise_has_the_expected_peaks(pulse, count) -> None:
     expected = false_return_density(C, THRESHOLDS) * region
     lost = THRESHOLDS * SPACING**2 / 12.0
     assert (np.abs(found / expected - 1.0) < 4.0 / np.sqrt(expected) + 2.0 * lost).all()
+
+
+def detected(energy: float, q: float, sigma: float, threshold: float, worlds: int) -> float:
+    """Share of simulated trains whose echo has a peak above the threshold; Swerling 1, any delay and range-rate.
+
+    Fast time, slow time and noise are simulated. The peak is sought within three cells of the echo.
+    """
+    rng, count, interval, length = np.random.default_rng(6), 32, 2e-3, 64
+    pulse = GaussianChirp(duration=1e-6)
+    rate = math.sqrt(float(pulse.fisher_factors().information()[0, 0])) / SPACING
+    fast = (np.arange(length) - length // 2) / rate
+    replica = pulse.envelope(fast) / np.linalg.norm(pulse.envelope(fast))
+    matched = np.fft.fft(np.fft.ifftshift(replica)).conj()
+    found, slow = 0, (np.arange(count) - 0.5 * (count - 1)) * interval
+    for _ in range(worlds):
+        moved = np.cumsum(np.sqrt(q * interval) * rng.standard_normal(count))
+        velocity = (
+            WAVE / (2.0 * count * interval) * rng.uniform(-1.0, 1.0) + sigma * rng.standard_normal() * slow + moved
+        )
+        ranges = np.cumsum(velocity) * interval
+        amplitude = math.sqrt(energy / count * rng.exponential())
+        late = pulse.envelope(fast - rng.uniform(-0.5, 0.5) / rate) / np.linalg.norm(pulse.envelope(fast))
+        echo = amplitude * np.exp(-4j * math.pi / WAVE * ranges)[:, None] * late
+        noise = rng.standard_normal((2, count, length)) / math.sqrt(2.0)
+        filtered = np.fft.ifft(np.fft.fft(echo + noise[0] + 1j * noise[1], axis=1) * matched, axis=1)
+        power = np.abs(np.fft.fft(filtered[:, length // 2 - 2 : length // 2 + 3], 8 * count, axis=0)) ** 2 / count
+        spectrum = np.abs(np.fft.fft(np.exp(-4j * math.pi / WAVE * ranges), 8 * count))
+        near = (np.arange(-24, 25) + spectrum.argmax()) % (8 * count)
+        found += power[near].max() > threshold
+    return found / worlds
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("energy", "q", "sigma"),
+    [(12.0, 0.0, 0.0), (60.0, 0.0, 0.0), (60.0, 10.0, 0.0), (60.0, 0.0, 10.0), (60.0, 3.0, 5.0)],
+)
+def test_the_echo_is_detected_as_often_as_the_law_says(energy, q, sigma) -> None:
+    """The loss is a mean over targets. Two quantities are searched, so noise beside the echo adds to its peak."""
+    threshold, worlds = 9.0, 3000
+    eta = 2.0 * energy * motion_loss(32 * 2e-3, WAVE, q, sigma)
+    expected = detection_probability(eta, math.exp(-threshold), "swerling1", searched=2)
+    error = math.sqrt(expected * (1.0 - expected) / worlds)
+    assert abs(detected(energy, q, sigma, threshold, worlds) - expected) < 3.5 * error + 0.015
 
 
 @given(st.floats(1.6, 60.0), st.floats(0.1, 1e3), st.floats(0.01, 1e3), st.floats(-0.99, 0.99))

@@ -76,7 +76,8 @@ def mean_rate_variance(duration: ArrayLike, density: ArrayLike) -> Array:
     """Variance, m^2/s^2, of the mean range-rate of a train about the range-rate at its middle: 33 q T / 560.
 
     A train measures the slope of the range by least squares, which is a weighted mean of the range-rate. White
-    acceleration of density q moves it.
+    acceleration of density q moves it. The variance holds while ``motion_loss`` is above 0.55; simulated trains that
+    lose more energy have up to twice as much.
 
     Args:
         duration: T of the train, s, >= 0, any shape.
