@@ -73,6 +73,7 @@ from wavegym.sensors.multistatic import (
 )
 from wavegym.sensors.platform import View, fov_penalty, platform_jacobian, platform_measurement, platform_view
 from wavegym.sensors.receiver import ArrayReceiver, Peaks
+from wavegym.sensors.trains import false_return_density, false_return_threshold, mean_rate_variance, motion_loss
 from wavegym.sensors.urban_map import Building, Road, UrbanMap
 
 __all__ = [
@@ -101,6 +102,8 @@ __all__ = [
     "detection_probability",
     "eclipse_tables",
     "energy_detection_probability",
+    "false_return_density",
+    "false_return_threshold",
     "fold_hypotheses",
     "fold_pair_update",
     "fold_range",
@@ -111,6 +114,8 @@ __all__ = [
     "gate_volume",
     "inside_gate",
     "mean_inverse_detected_snr",
+    "mean_rate_variance",
+    "motion_loss",
     "multistatic_range_and_rate",
     "outside_notch",
     "outside_notch_probability",
