@@ -247,6 +247,13 @@ GOOD: dict[str, dict[str, Argument]] = {
     "energy_detection_probability": {
         "energy_ratio": positive(np.ones(3)), "false_alarm": Argument("open probability", 0.01),
     },
+    "motion_loss": {
+        "duration": non_negative(0.1), "wavelength": positive(0.03), "density": non_negative(1.0),
+        "acceleration": non_negative(1.0),
+    },
+    "mean_rate_variance": {"duration": non_negative(0.1), "density": non_negative(1.0)},
+    "false_return_density": {"unit_covariance": definite(P2), "threshold": positive(9.0)},
+    "false_return_threshold": {"unit_covariance": definite(P2), "density": positive(1e-6)},
     "gate_probability": {"gate": positive(4.0)},
     "gate_volume": {"S": definite(P2), "gate": positive(4.0)},
     "inside_gate": {"innovation": finite(np.ones(2)), "S": definite(P2), "gate": positive(4.0)},

@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from wavegym.core.arrays import Array, check_broadcast, check_elements
+from wavegym.core.arrays import Array, check_broadcast, check_elements, check_last_axes
+from wavegym.core.covariances import check_positive_definite
 from wavegym.core.errors import InputError, check_non_negative, check_positive
 
 KNEE, DECAY = 115.0, 0.336  # of the loss by white acceleration: fitted to simulated trains, within 0.16 dB
@@ -131,7 +132,5 @@ def false_return_threshold(unit_covariance: ArrayLike, density: ArrayLike) -> Ar
 
 def _cell(unit_covariance: ArrayLike) -> Array:
     """2 pi sqrt(det C), m^2/s."""
-    C = np.asarray(unit_covariance, np.float64)
-    if C.shape[-2:] != (2, 2):
-        raise InputError(f"unit_covariance has shape {C.shape}, expected (..., 2, 2)")
+    C = check_positive_definite("unit_covariance", check_last_axes("unit_covariance", unit_covariance, 2, 2))
     return np.asarray(2.0 * math.pi * np.sqrt(C[..., 0, 0] * C[..., 1, 1] - C[..., 0, 1] * C[..., 1, 0]))
