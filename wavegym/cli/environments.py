@@ -79,9 +79,9 @@ def describe(arguments: Sequence[str]) -> None:
 def check(arguments: Sequence[str]) -> None:
     """Check an environment; the first defect is an error."""
     text = (
-        "Check that the vector environment does exactly what Gymnasium's SyncVectorEnv does, and that the predictions, "
+        "Check that the vector environment does exactly what Gymnasium's SyncVectorEnv does, "
+        "and that the predictions, the cost and the shortcuts of its system agree."
     )
-    text += "the cost and the shortcuts of its system agree."
     options = environment_parser("check", text).read(arguments)
     from wavegym.testing import check_vector_env
 

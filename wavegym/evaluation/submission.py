@@ -45,10 +45,7 @@ from wavegym.registration import SYSTEMS, full_id
 from wavegym.schedulers.tuned_constants import SIMPLE, recorded
 
 FILE = "submission.toml"
-PARAMETERS = (
-    "action",
-    "points",
-)  # the form of the actions; a submission may not change the world or the tracker
+PARAMETERS = ("action", "points")  # a submission may change the form of the actions, not the world or the tracker
 DIGITS = 6  # of a cost
 CLOSED = ConfigDict(extra="forbid")
 FREE_ENERGY = 2.0  # longest pulses of one radar in a step: the most that two radars can spend

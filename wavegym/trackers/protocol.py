@@ -212,6 +212,14 @@ def check_kept(tracker: Tracker, before: Estimate, after: Estimate) -> Estimate:
     return after
 
 
+def of_targets(chosen: Array, one: Estimate, other: Estimate) -> Estimate:
+    """``one`` with the means and covariances of ``other`` for all targets but those ``chosen`` (env, target)."""
+    return one._replace(
+        mean=np.where(chosen[..., None], one.mean, other.mean),
+        covariance=np.where(chosen[..., None, None], one.covariance, other.covariance),
+    )
+
+
 def _check_estimate(tracker: Tracker, before: Estimate, after: Any) -> None:
     """InputError unless ``after`` is an estimate of the targets of ``before``, in finite numbers."""
     name = type(tracker).__name__

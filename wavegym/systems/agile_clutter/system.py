@@ -48,6 +48,7 @@ from wavegym.trackers.protocol import (
     Tracker,
     begin_track,
     check_kept,
+    of_targets,
 )
 
 NO_MIXTURE = np.empty((1, 1, 0))  # in place of the weights of its components
@@ -76,10 +77,10 @@ class GivenTracker:
         is_here = (births < step[:, None] + 1) & (step[:, None] + 1 <= births + lifetime)
         before = Estimate(belief.mean, belief.covariance, *(belief.hypotheses or ()))
         now = check_kept(self.tracker, before, self.tracker.predict(before, self.motion))
-        now = _chosen(is_here, now, before)
+        now = of_targets(is_here, now, before)
         for i in range(len(self.radar[0])):
             is_lit, scan = self._scan(i, now, step, pulse, measurements)
-            now = _chosen(is_lit, check_kept(self.tracker, now, self.tracker.update(now, scan)), now)
+            now = of_targets(is_lit, check_kept(self.tracker, now, self.tracker.update(now, scan)), now)
         mean = np.where((births == step[:, None] + 1)[..., None], measurements.first, now.mean)
         return belief._replace(step=step + 1, mean=mean, covariance=now.covariance, hypotheses=_kept(now))
 
@@ -98,17 +99,6 @@ class GivenTracker:
         model = MeasurementModel(lambda x: range_and_rate(x, place), lambda x: range_and_rate_jacobian(x, place))
         origin = np.full(present.shape, UNKNOWN)
         return lit, Scan(z, present, origin, R, model, pd, noise, max(density, kernels.LEAST_DENSITY))
-
-
-def _chosen(chosen: Array, one: Estimate, other: Estimate) -> Estimate:
-    """The estimates ``one`` of the targets that are ``chosen`` (env, target), the others' of ``other``.
-
-    The tracker takes care of its memory.
-    """
-    return one._replace(
-        mean=np.where(chosen[..., None], one.mean, other.mean),
-        covariance=np.where(chosen[..., None, None], one.covariance, other.covariance),
-    )
 
 
 def _kept(estimate: Estimate) -> Kept | None:

@@ -15,7 +15,7 @@ from wavegym.core.errors import check_ordered
 from wavegym.core.parameters import Positive, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State
 from wavegym.core.traits import TimedPulses
-from wavegym.sensors.platform import KINDS, platform_jacobian, platform_measurement
+from wavegym.sensors.platform import KINDS, platform_measurement
 from wavegym.systems.camera_slew import kernels
 from wavegym.systems.camera_slew.kernels import Mount
 from wavegym.systems.camera_slew.state import (
@@ -37,7 +37,7 @@ from wavegym.systems.rf_eo.scenario import (
     StateVariance,
     ranges_of_moving_targets,
 )
-from wavegym.systems.rf_eo.system import RfEo
+from wavegym.systems.rf_eo.system import RfEo, platform_model
 from wavegym.systems.visibility_windows import SOON, coming, visibility, window_draws
 from wavegym.targets import MotionModel
 from wavegym.trackers.polar_kernels import to_polar
@@ -300,19 +300,19 @@ class CameraSlew(LookSystem, TimedPulses):
 
         The direction is a unit vector, because an azimuth jumps by 2 pi.
         """
-        z, variance = measurements
+        (z, variance), places = measurements, self.loop.places
         present = np.isfinite(variance)
         R = np.where(present, variance, 1.0)[..., None, None]
         target = np.broadcast_to(np.arange(self.targets), present.shape[:2])
         scans = [
-            Scan(z[..., a, None], present[..., a], target, R[:, :, a], _range_or_rate(self.loop.places[a // 3], a % 3))
+            Scan(z[..., a, None], present[..., a], target, R[:, :, a], platform_model(places[a // 3], [a % 3]))
             for a in range(z.shape[2])
             if a % 3 != kernels.AZIMUTH
         ]
         azimuth = after.pointing[:, None] + z[..., kernels.AZIMUTH]
         seen = np.stack([np.sin(azimuth), np.cos(azimuth)], axis=-1)
         found, R = present[..., kernels.AZIMUTH], R[:, :, kernels.AZIMUTH] * np.eye(2)
-        return [*scans, Scan(seen, found, target, R, _direction(self.loop.places[0]))]
+        return [*scans, Scan(seen, found, target, R, _direction(places[0]))]
 
     def _with_estimate(self, belief: Belief, estimate: Estimate) -> Belief:
         polar = to_polar(estimate.mean, estimate.covariance, self.loop.places[0])
@@ -377,14 +377,6 @@ class CameraSlew(LookSystem, TimedPulses):
             "pointing": belief.pointing.copy(),
             "settling": belief.settling.copy(),
         }
-
-
-def _range_or_rate(platform: Array, quantity: int) -> MeasurementModel:
-    """Range (0) or range-rate (1) at a platform (x, y, look direction)."""
-    only = slice(quantity, quantity + 1)
-    return MeasurementModel(
-        lambda x: platform_measurement(x, platform)[..., only], lambda x: platform_jacobian(x, platform)[..., only, :]
-    )
 
 
 def _direction(platform: Array) -> MeasurementModel:

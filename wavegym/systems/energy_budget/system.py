@@ -195,8 +195,8 @@ class EnergyBudget(AgileClutter):
     def annotate(self, truth: Truth, measurements: Measurements) -> Truth:
         """AgileClutter's, with the energy spent, the occlusion and the replacement."""
         own = {name: getattr(measurements, name) for name in ("spent", "occluded", "replaced")}
-        noted: Truth = super().annotate(truth, measurements)._replace(**own)
-        return noted
+        annotated: Truth = super().annotate(truth, measurements)._replace(**own)
+        return annotated
 
     def _slot(self, belief: Any, action: Array, world: Any) -> tuple[Array, Array, Array]:
         """The action that the account pays and the energy left, (env,), and whether the slot is clear, (env,) bool."""

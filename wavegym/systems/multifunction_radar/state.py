@@ -189,11 +189,6 @@ class Traffic(NamedTuple):
         """Targets that come over the edge, 1/s."""
         return float(self.density * self.mean_speed / math.pi * self.arc_and_sides.sum())
 
-    @property
-    def mean_stay(self) -> float:
-        """Mean time from edge to edge of a target that flies straight on, s."""
-        return math.pi * self.area / float(self.mean_speed * self.arc_and_sides.sum())
-
     def most_targets(self, seconds: float) -> int:
         """Number of targets that is exceeded in one of a billion episodes."""
         expected = self.targets + self.rate * seconds if self.targets else 0.0

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property, partial
+from collections.abc import Sequence
+from functools import cached_property
 from itertools import product
 from typing import Literal
 
@@ -44,7 +45,7 @@ from wavegym.systems.rf_eo.state import (
     platform_fields,
     presence_fields,
 )
-from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, check_kept
+from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, check_kept, of_targets
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
 LOST_AFTER = 10  # steps without any measurement
@@ -235,9 +236,7 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         before = Estimate(belief.mean, belief.covariance, belief.memory, belief.process_noise)
         now = check_kept(tracker, before, tracker.predict(before, self.motion))
         if self._come_and_go:
-            here = self.present(belief.step + 1)[..., None]
-            mean, covariance = np.where(here, now.mean, before.mean), now.covariance
-            now = now._replace(mean=mean, covariance=np.where(here[..., None], covariance, before.covariance))
+            now = of_targets(self.present(belief.step + 1), now, before)
         if self.folding:
             given, z, variance = (for_kernel(z), for_kernel(variance)), np.empty(z.shape), np.empty(z.shape)
             x, P = for_kernel(now.mean), for_kernel(now.covariance)
@@ -266,11 +265,9 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
         for together in TOGETHER:
             present = (np.isfinite(variance) == together).all(axis=-1)
             if present.any():
-                kept = np.flatnonzero(together)
+                kept = np.flatnonzero(together).tolist()
                 R = np.where(present[..., None], variance[..., kept], 1.0)[..., None] * np.eye(len(kept))
-                given = place, self.as_printed, kept
-                model = MeasurementModel(partial(_quantities, *given), partial(_gradients, *given))
-                scans.append(Scan(z[..., kept], present, target, R, model))
+                scans.append(Scan(z[..., kept], present, target, R, platform_model(place, kept, self.as_printed)))
         return scans
 
     def annotate(self, truth: Truth, measurements: Measurements) -> Truth:
@@ -393,14 +390,12 @@ def _believed(step: Array, estimate: Estimate, looks: Array) -> Belief:
     return Belief(step, estimate.mean, estimate.covariance, looks, *estimate[2:])
 
 
-def _quantities(place: Array, as_printed: bool, kept: Array, states: Array) -> Array:
-    """The quantities ``kept`` of states (..., 4) at a platform, (..., kept)."""
-    return platform_measurement(states, place, as_printed)[..., kept]
-
-
-def _gradients(place: Array, as_printed: bool, kept: Array, states: Array) -> Array:
-    """Derivatives of ``_quantities`` by the state, (..., kept, 4)."""
-    return platform_jacobian(states, place, as_printed)[..., kept, :]
+def platform_model(place: Array, quantities: Sequence[int], as_printed: bool = False) -> MeasurementModel:
+    """Some of range (0), range-rate (1) and azimuth (2) at a platform (x, y, look direction)."""
+    return MeasurementModel(
+        lambda states: platform_measurement(states, place, as_printed)[..., quantities],
+        lambda states: platform_jacobian(states, place, as_printed)[..., quantities, :],
+    )
 
 
 @system_parameters
