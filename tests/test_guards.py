@@ -237,6 +237,7 @@ GOOD: dict[str, dict[str, Argument]] = {
         "false_alarm": Argument("open probability", 0.01), "fluctuation": given_as("swerling3"),
         "pulses": Argument("count", 2),
     },
+    "echo_law": {"false_alarms": Argument("open probability", np.full(2, 0.01)), "fluctuation": given_as("swerling3")},
     "mean_inverse_detected_snr": {
         "snr": positive(np.ones(3)), "false_alarm": Argument("open probability", 0.01), "pulses": Argument("count", 2),
         "least": non_negative(1.0),
@@ -358,6 +359,7 @@ ANY_LENGTH = {  # arguments that fit after the loss of an element
     ("range_law_snr", "range_m"),
     ("detection_probability", "snr"),
     ("mean_inverse_detected_snr", "snr"),
+    ("echo_law", "false_alarms"),
     ("energy_detection_probability", "energy_ratio"),
     ("fov_penalty", "x"),
     ("systematic_resample", "weights"),
