@@ -236,7 +236,7 @@ def echo_law(
 
     In the world ``received_snr`` draws the echo's realised SNR, which decides on the detection and is the SNR of the
     errors. A tracker has ``detection_of`` and the effective eta, 1 / ``mean_inverse_detected_snr(eta, least=1)``: C
-    over it is the mean covariance of a detected echo. Interpolation has absolute errors of Pd below 1e-5, and relative
+    over it is the mean covariance of a detected echo. Interpolation has absolute errors of Pd below 5e-5, and relative
     errors of the effective eta below 1e-4.
 
     Args:
