@@ -12,17 +12,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, special, stats
 
+from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.errors import InputError
+from wavegym.core.kernels import kernel
 from wavegym.sensors import (
     FLUCTUATIONS,
     detected_snr,
     detection_probability,
+    echo_law,
     energy_detection_probability,
     mean_inverse_detected_snr,
     realised_snr,
+    unit_snr_range,
 )
-from wavegym.sensors.detection import detected_snr_table, detection_table, effective_snr_table
-from wavegym.sensors.detection_kernels import effective_snr, snr_of_errors, tabulated
+from wavegym.sensors.detection_kernels import detection_of, effective_snr, received_snr
 
 
 @pytest.mark.parametrize(("energy_ratio", "false_alarm"), [(0.5, 0.1), (3.0, 0.01), (20.0, 1e-3)])
@@ -243,54 +246,60 @@ def test_the_greatest_value_of_an_image_has_half_a_chi_square_more():
         assert pd[1] - pd[0] > 0.02
 
 
-@pytest.mark.parametrize("name", FLUCTUATIONS)
-@pytest.mark.parametrize("searched", [0, 3])
-def test_tables_for_compiled_loops(name, searched):
-    table = detection_table(1e-3, name, searched)
-    assert (len(table) == 0) == (name in ("swerling1", "swerling2") and searched == 0)
-    for snr in (0.01, 1.0, 7.7, 20.0, 333.0, 1e6):
-        wanted = detection_probability(snr, 1e-3, name, searched=searched)
-        assert tabulated(snr, math.log(1e-3), table) == pytest.approx(wanted, abs=1e-5)
-    if len(table):
-        assert tabulated(1e-9, math.log(1e-3), table) == table[0]
-        assert tabulated(1e12, math.log(1e-3), table) == pytest.approx(table[-1], abs=1e-12)
+@kernel
+def looks(eta, row, law, key, found):
+    """Fill found (n,) with ``received_snr`` of independent looks."""
+    for i in range(len(found)):
+        found[i] = received_snr(eta, row, stream(key, i), law)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["swerling0", "swerling1", "swerling3"])
+@pytest.mark.parametrize("searched", [0, 2, 3])
+def test_a_simulated_look_has_the_laws_of_detection_and_error(name, searched):
+    """Detections, and the mean of 1 / max(eta, 1) over them, within four standard errors of sums over the mixture."""
+    law, found = echo_law((1e-2, 1e-5), name, searched), np.empty(100_000)
+    for row, false_alarm in enumerate((1e-2, 1e-5)):
+        for snr in (3.0, 30.0, 300.0):
+            looks(snr, row, law, np.uint64(row), found)
+            wanted = detection_probability(snr, false_alarm, name, searched=searched)
+            detected = found[found > 0.0]
+            assert abs(len(detected) / len(found) - wanted) <= 4.0 * math.sqrt(wanted * (1 - wanted) / 1e5) + 1e-6
+            inverse = 1.0 / detected
+            mean = mean_inverse_detected_snr(snr, false_alarm, name, searched=searched, least=1.0)
+            assert abs(inverse.mean() - mean) <= 4.0 * inverse.std() / math.sqrt(len(inverse)) + 1e-9
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FLUCTUATIONS)
-@pytest.mark.parametrize(("searched", "false_alarm"), [(3, 1e-3), (0, 1e-8)])
-def test_tables_of_the_snr_of_detected_echoes(name, searched, false_alarm):
-    """Interpolation against the root and the sums behind ``detected_snr`` and ``mean_inverse_detected_snr``."""
-    rng, law = np.random.default_rng(4), (false_alarm, name, searched)
-    effective, realised = effective_snr_table(*law), detected_snr_table(*law)
-    snr = np.exp(rng.uniform(math.log(1e-3), math.log(1e6), 300))
-    odds = np.exp(rng.uniform(-14.0, 14.0, 300))
-    draws = odds / (1.0 + odds)
-    found = np.array(
-        [(effective_snr(e, effective), snr_of_errors(e, u, realised)) for e, u in zip(snr, draws, strict=True)]
-    ).T
-    if name == "swerling0":
-        assert (found == snr).all()
-        return
+@pytest.mark.parametrize(("searched", "false_alarm"), [(0, 1e-8), (0, 1e-2), (3, 1e-3)])
+def test_tables_for_compiled_loops(name, searched, false_alarm):
+    """Interpolation against the sums behind ``detection_probability`` and ``mean_inverse_detected_snr``."""
+    law = echo_law((0.3, false_alarm), name, searched)
+    snr = np.exp(np.random.default_rng(4).uniform(math.log(1e-3), math.log(1e6), 300))
+    found = np.array([(detection_of(e, 1, law), effective_snr(e, 1, law)) for e in snr]).T
+    np.testing.assert_allclose(found[0], detection_probability(snr, false_alarm, name, searched=searched), atol=5e-5)
     wanted = 1.0 / mean_inverse_detected_snr(snr, false_alarm, name, searched=searched, least=1.0)
-    np.testing.assert_allclose(found[0], wanted, rtol=1e-5)
-    wanted = np.maximum(detected_snr(draws, snr, false_alarm, name, searched=searched), 1.0)
-    np.testing.assert_allclose(found[1], wanted, rtol=2e-3)
+    np.testing.assert_allclose(found[1], wanted, rtol=1e-4)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["swerling1", "swerling3"])
-def test_beyond_the_tables_of_the_snr(name):
-    """A hardly detectable echo has the error of a cell; the ends of the draws have finite SNR; both grow with eta."""
-    effective, realised = effective_snr_table(1e-3, name), detected_snr_table(1e-3, name)
-    assert effective_snr(1e-9, effective) == pytest.approx(1.0, abs=1e-3)
-    assert snr_of_errors(1e-9, 0.5, realised) == 1.0
-    assert snr_of_errors(20.0, 0.0, realised) == snr_of_errors(20.0, 1e-300, realised) == 1.0
-    for snr in (20.0, 1e9):
-        assert 10.0 * snr < snr_of_errors(snr, np.nextafter(1.0, 0.0), realised) < 40.0 * snr
+def test_beyond_the_tables():
+    law = echo_law((1e-3,), "swerling1", 2)
+    assert detection_of(1e-9, 0, law) == law.detection[0, 0]
+    assert detection_of(1e12, 0, law) == pytest.approx(law.detection[0, -1], abs=1e-12)
+    assert effective_snr(1e-9, 0, law) == 1.0
     snr = np.geomspace(1e-2, 1e9, 400)
-    for grown in ([effective_snr(e, effective) for e in snr], [snr_of_errors(e, 0.3, realised) for e in snr]):
-        assert (np.diff(grown) >= -1e-9).all()  # rounding where the error is that of a cell
+    assert (np.diff([effective_snr(e, 0, law) for e in snr]) >= -1e-9).all()
+
+
+def test_an_echo_law_of_the_mean_snr():
+    """Sira et al. print Pd = Pf^(1 / (1 + eta)) and errors C / eta: one eta for E/N0 and 2E/N0."""
+    law = echo_law((0.01,), energy=1.0, realised=False)
+    assert detection_of(40.0, 0, law) == pytest.approx(0.01 ** (1.0 / 41.0), abs=1e-5)
+    assert effective_snr(40.0, 0, law) == 40.0
+    found = np.empty(1000)
+    looks(40.0, 0, law, np.uint64(1), found)
+    assert set(found) == {0.0, 40.0}
 
 
 def test_a_batch_broadcasts():
@@ -301,6 +310,17 @@ def test_a_batch_broadcasts():
         assert one == pytest.approx(together[i, j], rel=1e-12)
     assert detected_snr(0.5, snr, false_alarm).shape == (5, 3)
     assert detection_probability(np.empty(0), 0.1, "swerling0").shape == (0,)
+
+
+def test_the_radar_equation():
+    """1 kW for 100 us, 35 dB, 3 cm, 1 m^2 at 290 K: E/N0 by its parts, at the range where it is one half."""
+    energy, gain, wavelength = 0.1, 10.0**3.5, 0.03
+    r = unit_snr_range(energy, 35.0, wavelength)
+    on_target = energy * gain / (4.0 * math.pi * r**2)  # J/m^2
+    received = on_target * 1.0 / (4.0 * math.pi * r**2) * gain * wavelength**2 / (4.0 * math.pi)
+    assert 2.0 * received / (1.380649e-23 * 290.0) == pytest.approx(1.0, rel=1e-12)
+    assert unit_snr_range(16.0 * energy, 35.0, wavelength) == pytest.approx(2.0 * r, rel=1e-12)
+    assert unit_snr_range(energy, 35.0, wavelength, losses_db=40.0) == pytest.approx(0.1 * r, rel=1e-12)
 
 
 def test_mistakes():
@@ -314,6 +334,8 @@ def test_mistakes():
         detection_probability(10.0, 0.01, searched=-1)
     with pytest.raises(InputError, match=r"uniform is 1\.0, expected a number in \[0, 1\]"):
         realised_snr(1.0, 10.0)
+    with pytest.raises(InputError, match=r"false_alarms has shape \(0,\), expected a sequence"):
+        echo_law([])
     with pytest.raises(InputError, match="least is -1"):
         mean_inverse_detected_snr(10.0, 0.01, least=-1.0)
 

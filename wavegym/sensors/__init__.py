@@ -39,10 +39,12 @@ from wavegym.sensors.detection import (
     FLUCTUATIONS,
     detected_snr,
     detection_probability,
+    echo_law,
     energy_detection_probability,
     mean_inverse_detected_snr,
     range_law_snr,
     realised_snr,
+    unit_snr_range,
 )
 from wavegym.sensors.eclipsing import EclipsedLibrary, EclipsedPulse, EclipsePulses, EclipseTables, eclipse_tables
 from wavegym.sensors.folding import (
@@ -100,6 +102,7 @@ __all__ = [
     "combined_interval",
     "detected_snr",
     "detection_probability",
+    "echo_law",
     "eclipse_tables",
     "energy_detection_probability",
     "false_return_density",
@@ -129,4 +132,5 @@ __all__ = [
     "resolve_folds",
     "unfold",
     "union_clutter",
+    "unit_snr_range",
 ]

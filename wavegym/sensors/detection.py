@@ -34,6 +34,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
+from scipy.constants import Boltzmann
 
 from wavegym.core.arrays import Array, check_broadcast, check_elements
 from wavegym.core.errors import (
@@ -46,16 +47,15 @@ from wavegym.core.errors import (
     check_within,
 )
 from wavegym.sensors import detection_kernels
-from wavegym.sensors.detection_kernels import CELL, FIRST, LAST, LOGIT
+from wavegym.sensors.detection_kernels import CELL, FIRST, LAST, EchoLaw
 
 FLUCTUATIONS = ("swerling0", "swerling1", "swerling2", "swerling3", "swerling4")
 """The names of the laws of fluctuation."""
 MOST_PULSES = 1000
+MOST_DECIBELS = 300.0
 STEPS = 50  # halvings of the interval in which a quantile lies
-LAWS = 8  # whose tables are kept: a table takes up to a second, and every environment of the law needs it
-TABLE = 4001  # values of a table over ln eta
-ROWS, COLUMNS = 461, 461  # of a table over ln eta and a fraction
-RATIOS = 541  # values of eta over its mean from which a row is interpolated
+LAWS = 8  # whose tables are kept: a threshold takes 0.1 s, and every environment of the law needs it
+TABLE = 2001  # values of a table over ln eta
 
 
 def range_law_snr(
@@ -75,6 +75,40 @@ def range_law_snr(
     check_positive("reference_range", reference_range, "m")
     check_positive("nearest_range", nearest_range, "m")
     return detection_kernels.snr(r, reference_range, nearest_range)
+
+
+def unit_snr_range(
+    energy: ArrayLike,
+    gain_db: float,
+    wavelength: float,
+    *,
+    cross_section: float = 1.0,
+    noise_temperature: float = 290.0,
+    losses_db: float = 0.0,
+) -> NDArray[np.float64]:
+    """Range at which eta = 2E/N0 = 1, by the radar equation: the fourth root of 2 E G^2 lambda^2 s / ((4 pi)^3 k T L).
+
+    Args:
+        energy: E transmitted in one pulse or coherent train, peak power times its time on air, J, > 0, any shape.
+        gain_db: G of the antenna, one way, dB.
+        wavelength: lambda, m, > 0.
+        cross_section: s of the target, m^2, > 0.
+        noise_temperature: T of the receiver, K, > 0.
+        losses_db: L, two ways, dB.
+
+    Returns:
+        r0 of ``range_law_snr``, m, the shape of ``energy``.
+
+    Raises:
+        InputError: an invalid value.
+    """
+    E = check_elements(check_positive, "energy", energy)
+    gain = 10.0 ** (0.1 * check_within("gain_db", gain_db, -MOST_DECIBELS, MOST_DECIBELS, "dB"))
+    losses = 10.0 ** (0.1 * check_within("losses_db", losses_db, 0.0, MOST_DECIBELS, "dB"))
+    check_positive("wavelength", wavelength, "m")
+    check_positive("cross_section", cross_section, "m^2")
+    noise = Boltzmann * check_positive("noise_temperature", noise_temperature, "K") * losses
+    return np.asarray((2.0 * E * (gain * wavelength) ** 2 * cross_section / ((4.0 * math.pi) ** 3 * noise)) ** 0.25)
 
 
 def detection_probability(
@@ -226,58 +260,53 @@ def fluctuating_detection_probability(
     return look.detected()
 
 
-@lru_cache(maxsize=LAWS)
-def detection_table(false_alarm: float, fluctuation: str, searched: int = 0) -> Array:
-    """Pd of one pulse at even steps of ln eta, for compiled loops (``detection_kernels.tabulated``).
+def echo_law(
+    false_alarms: ArrayLike,
+    fluctuation: str = "swerling1",
+    searched: int = 0,
+    *,
+    energy: float = 0.5,
+    realised: bool = True,
+) -> EchoLaw:
+    """Detection and errors of one look in the form of compiled loops: see ``detection_kernels``.
 
-    Empty for swerling1 and swerling2 of a known cell, whose Pd is Pf^(1 / (1 + eta / 2)). Linear interpolation has
-    errors below 1e-5. Callers share the array and must not change it.
+    In the world ``received_snr`` draws the echo's realised SNR, which decides on the detection and is the SNR of the
+    errors. A tracker has ``detection_of`` and the effective eta, 1 / ``mean_inverse_detected_snr(eta, least=1)``: C
+    over it is the mean covariance of a detected echo. Interpolation has absolute errors of Pd below 5e-5, and relative
+    errors of the effective eta below 1e-4.
+
+    Args:
+        false_alarms: Pf of a known cell at each threshold, (row,).
+        fluctuation: see ``detection_probability``; a look is one pulse or one coherent train.
+        searched: quantities over which the receiver takes the greatest value about the echo.
+        energy: E/N0 of an echo with eta = 1. It is 0.5, unless a paper takes one eta for E/N0 and 2E/N0.
+        realised: False: the errors have the SNR of the mean echo.
+
+    Returns:
+        Tables that callers share and must not change; a row for each threshold.
+
+    Raises:
+        InputError: no threshold, or an invalid value.
     """
-    check_probability("false_alarm", false_alarm)
-    if _shape(fluctuation, 1) == 1.0 and check_int("searched", searched, 0) == 0:
-        return np.zeros(0)
-    snr = np.exp(np.linspace(FIRST, LAST, TABLE))
-    return fluctuating_detection_probability(snr, np.full(snr.shape, false_alarm), fluctuation, 1, searched)
+    alarms = check_elements(check_probability, "false_alarms", false_alarms)
+    if alarms.ndim != 1 or not len(alarms):
+        raise InputError(f"false_alarms has shape {alarms.shape}, expected a sequence of at least one probability")
+    check_positive("energy", energy)
+    return _tables(tuple(alarms.tolist()), fluctuation, check_int("searched", searched, 0), energy, realised)
 
 
 @lru_cache(maxsize=LAWS)
-def effective_snr_table(false_alarm: float, fluctuation: str, searched: int = 0) -> Array:
-    """ln of the effective eta over the mean eta of one pulse, for compiled loops (``detection_kernels.effective_snr``).
-
-    The effective eta, 1 / ``mean_inverse_detected_snr(eta, least=1)``, has the mean covariance of a detected echo. Even
-    steps of ln eta; empty for swerling0, whose echo has the mean eta. Linear interpolation has relative errors of eta
-    below 1e-5. Callers share the array and must not change it.
-    """
-    check_probability("false_alarm", false_alarm)
-    if math.isinf(_shape(fluctuation, 1)):
-        return np.zeros(0)
-    snr = np.exp(np.linspace(FIRST, LAST, TABLE))
-    return np.asarray(-np.log(snr * mean_inverse_detected_snr(snr, false_alarm, fluctuation, 1, searched, CELL)))
-
-
-@lru_cache(maxsize=LAWS)
-def detected_snr_table(false_alarm: float, fluctuation: str, searched: int = 0) -> Array:
-    """ln of eta over its mean for one detected pulse, for compiled loops (``detection_kernels.snr_of_errors``).
-
-    ``detected_snr`` at even steps of ln mean eta, axis 0, and of ln(f / (1 - f)) of the uniform draw f, axis 1; both
-    tails are nearly straight there. Empty for swerling0. Linear interpolation has relative errors of eta below 2e-3.
-    Callers share the array and must not change it.
-    """
-    alarm, shape = check_probability("false_alarm", false_alarm), _shape(fluctuation, 1)
-    degrees = 1.0 + 0.5 * check_int("searched", searched, 0)
-    if math.isinf(shape):
-        return np.zeros((0, 0))
-    threshold = special.gammainccinv(1.0, np.array([alarm]))
-    # of all echoes at least Pd (1 - f) exceed the quantile f, and at least f do not, as weak echoes are detected less
-    ratios = np.linspace(-LOGIT - 1.0, math.log(LOGIT - math.log(alarm)), RATIOS)
-    logits, least = np.linspace(-LOGIT, LOGIT, COLUMNS), np.finfo(np.float64).tiny
-    table = np.empty((ROWS, COLUMNS))
-    for row, energy in zip(table, 0.5 * np.exp(np.linspace(FIRST, LAST, ROWS)), strict=True):
-        look = _Look(shape, np.array([energy]), threshold, degrees)
-        below = look.detected_below(energy * np.exp(ratios))
-        odds = np.maximum(below, least) / np.maximum(look.detected() - below, least)
-        row[:] = np.interp(logits, np.maximum.accumulate(np.log(odds)), ratios)  # rounding breaks the order of tails
-    return table
+def _tables(false_alarms: tuple[float, ...], fluctuation: str, searched: int, energy: float, realised: bool) -> EchoLaw:
+    shape, snr = _shape(fluctuation, 1), np.exp(np.linspace(FIRST, LAST, TABLE))
+    echo, law = 2.0 * energy * snr, (fluctuation, 1, searched)
+    steady = math.isinf(shape)
+    detection, effective = np.zeros((2, len(false_alarms), TABLE))
+    for row, alarm in enumerate(false_alarms):
+        alarms = np.full(TABLE, alarm)
+        detection[row] = fluctuating_detection_probability(echo, alarms, *law)
+        if not steady:  # its effective eta is eta, at least CELL
+            effective[row] = -np.log(snr * mean_inverse_detected_snr(echo, alarms, *law, CELL))
+    return EchoLaw(-np.log(false_alarms), detection, effective, energy, 0 if steady else int(shape), searched, realised)
 
 
 class _Look:

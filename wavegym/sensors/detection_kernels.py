@@ -3,8 +3,11 @@
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
+from wavegym.core.counter_rng_kernels import exponential, normal, uniform
 from wavegym.core.kernels import batched, inlined, kernel
 
 
@@ -24,8 +27,19 @@ def snr(r, reference, nearest, out):
 
 
 FIRST, LAST = np.log(1e-3), np.log(1e7)  # ln eta at both ends of the tables of ``detection.py``
-LOGIT = 23.0  # ln(f / (1 - f)) at the upper end of a table of ``detection.detected_snr_table``
 CELL = 1.0  # eta below which errors grow no further: the error is about a resolution cell
+
+
+class EchoLaw(NamedTuple):
+    """Detection of an echo and the SNR of its errors, as ``detection.echo_law`` makes it. A row is a threshold."""
+
+    threshold: Any  # (row,) T, power over that of the noise: Pf = exp(-T) for a known cell
+    detection: Any  # (row, n) Pd at even steps of ln eta
+    effective: Any  # (row, n) ln of the effective eta over eta; see ``effective_snr``
+    energy: float  # E/N0 over eta
+    shape: int  # K of the gamma law of the realised energy: 1, 2, or 0 for a steady echo
+    searched: int  # quantities over which the receiver takes the greatest value
+    realised: bool  # whether errors have the SNR of the realised echo; else that of the mean echo
 
 
 @kernel
@@ -35,45 +49,50 @@ def detection(eta, log_false_alarm):
 
 
 @inlined
-def place_in(value, first, end, last):
-    """Index and fraction of a value among 0 to ``last`` even steps from first to end; values beyond are clamped."""
-    place = (value - first) / (end - first) * last
-    place = min(max(place, 0.0), last - 1e-9)
+def interpolated(eta, table):
+    """Value at eta of a table (n,) over even steps of ln eta; beyond its ends the last value."""
+    place = (np.log(eta) - FIRST) / (LAST - FIRST) * (len(table) - 1)
+    place = min(max(place, 0.0), len(table) - 1 - 1e-9)
     i = int(place)
-    return i, place - i
+    return table[i] + (place - i) * (table[i + 1] - table[i])
 
 
 @inlined
-def tabulated(eta, log_false_alarm, table):
-    """Pd at eta = 2E/N0 by ``detection.detection_table``, interpolated in ln eta; an empty table: Swerling 1."""
-    if len(table) == 0:
-        return detection(0.5 * eta, log_false_alarm)
-    i, share = place_in(np.log(eta), FIRST, LAST, len(table) - 1)
-    return table[i] + share * (table[i + 1] - table[i])
+def detection_of(eta, row, law):
+    """Pd of an echo of mean SNR eta at the threshold in ``row`` of an ``EchoLaw``."""
+    return interpolated(eta, law.detection[row])
 
 
 @inlined
-def effective_snr(eta, table):
-    """SNR of the mean covariance of a detected echo by ``detection.effective_snr_table``; an empty table: eta."""
-    if len(table) == 0:
+def effective_snr(eta, row, law):
+    """SNR at which C / eta is the mean covariance of the errors of a detected echo of mean SNR eta."""
+    if not law.realised:
         return eta
-    i, share = place_in(np.log(eta), FIRST, LAST, len(table) - 1)
-    return max(eta * np.exp(table[i] + share * (table[i + 1] - table[i])), CELL)
+    return max(eta * np.exp(interpolated(eta, law.effective[row])), CELL)
 
 
-@inlined
-def snr_of_errors(eta, fraction, table):
-    """max(realised SNR, CELL) of a detected echo by ``detection.detected_snr_table``; an empty table: eta.
+@kernel
+def received_snr(eta, row, key, law):
+    """The world's look at an echo of mean SNR eta: the SNR of its errors, or 0 if it is not detected.
 
-    fraction: uniform in [0, 1), such as the draw that decided on the detection, divided by Pd.
+    The draws of ``key`` give the energy of the echo, by its law of fluctuation, and the receiver's noise. The output is
+    |sqrt(S) + noise|^2 and half a chi-square variable with a degree of freedom for each quantity that is searched.
     """
-    if len(table) == 0:
-        return eta
-    i, share = place_in(np.log(eta), FIRST, LAST, table.shape[0] - 1)
-    j, rest = place_in(np.log(fraction) - np.log1p(-fraction), -LOGIT, LOGIT, table.shape[1] - 1)
-    low = table[i, j] + rest * (table[i, j + 1] - table[i, j])
-    high = table[i + 1, j] + rest * (table[i + 1, j + 1] - table[i + 1, j])
-    return max(eta * np.exp(low + share * (high - low)), CELL)
+    mean = law.energy * eta
+    S = mean
+    if law.shape == 1:
+        S = mean * exponential(key, 0)
+    if law.shape == 2:
+        S = 0.5 * mean * (exponential(key, 0) + exponential(key, 1))
+    noise = exponential(key, 2)
+    power = S + 2.0 * np.sqrt(S * noise) * np.cos(2.0 * np.pi * uniform(key, 3)) + noise
+    for pair in range(law.searched // 2):
+        power += exponential(key, 5 + pair)
+    if law.searched % 2:
+        power += 0.5 * normal(key, 4) ** 2
+    if not power > law.threshold[row]:
+        return 0.0
+    return max(2.0 * S, CELL) if law.realised else eta
 
 
 @batched("(),()->()")

@@ -81,16 +81,16 @@ def test_both_trackers_assume_the_law_of_the_receivers():
     for fluctuation in ("swerling0", "swerling1"):
         signal = UrbanSignal(fluctuation=fluctuation)
         drawn = Urban(pulses=25, fluctuation=fluctuation, searched=3, false_alarm=signal.urban_tracker.false_alarm)
-        tables = [system.urban_tracker.constants.detection_table for system in (signal, drawn)]
+        tables = [system.urban_tracker.constants.echo.detection for system in (signal, drawn)]
         np.testing.assert_array_equal(*tables)
-        np.testing.assert_array_equal(tables[0], drawn._sensor_law.detection_table)
+        np.testing.assert_array_equal(tables[0], drawn._sensor_law.echo.detection)
         assert len(tables[0])
 
 
 def test_the_world_may_fluctuate_as_the_tracker_does_not_assume():
     system = Urban(truth={"fluctuation": "swerling0"})
-    assert len(system.urban_tracker.constants.detection_table) == 0
-    assert len(system.truth_model._sensor_law.detection_table)
+    assert system.urban_tracker.constants.echo.shape == 1
+    assert system.truth_model._sensor_law.echo.shape == 0
 
 
 def drawn_echoes(name, snr, searched, count=1_000_000):

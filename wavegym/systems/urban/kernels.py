@@ -8,13 +8,13 @@ Shapes of tracks: e environments, s slots, t targets, M models, n = 6 states; x 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from wavegym.core.counter_rng_kernels import exponential, normal, stream, uniform
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.detection_kernels import snr_of_errors, tabulated
+from wavegym.sensors.detection_kernels import EchoLaw, received_snr
 from wavegym.sensors.geometry_kernels import (
     direction_cosine,
     direction_variance,
@@ -27,6 +27,7 @@ from wavegym.sensors.receiver_kernels import add_echoes, add_noise, path_delays
 from wavegym.systems.urban.tracker_kernels import CONFIRMED, EMPTY
 from wavegym.trackers.imm_kernels import combine_one
 
+ERRORS = 0  # number of the stream of the errors of a path
 CLUTTER = 10_000  # number of the random stream of clutter; paths have smaller numbers
 DRIVERS = 40_000  # number of the stream of the targets' random accelerations
 NOISE = 20_000  # number of the noise stream of a scan; paths have smaller numbers
@@ -37,9 +38,7 @@ class SensorLaw(NamedTuple):
     """Constants of the receivers' measurements in the world."""
 
     density: float  # expected false returns per (m x m/s)
-    log_false_alarm: float
-    detection_table: Any  # of detection.detection_table
-    snr_table: Any  # of detection.detected_snr_table; empty: errors at the mean SNR
+    echo: EchoLaw
     rate_floor: float  # standard deviation of range-rate in addition to its noise, m/s
     reach: float  # half path length beyond which no echo is received, m
     elements: int  # of each array
@@ -87,17 +86,16 @@ def measure_targets(key, scan, pair, targets, scene, law, wave, reference, z, co
                 continue
             own = stream(key, g * most + w)
             eta = snr_at(r, reference, scene.reflected[pair, scan, g, w])
-            draw, pd = uniform(own, 0), tabulated(eta, law.log_false_alarm, law.detection_table)
-            if draw < pd:
-                eta = snr_of_errors(eta, draw / pd, law.snr_table)
+            eta, errors = received_snr(eta, 0, own, law.echo), stream(own, ERRORS)
+            if eta > 0.0:
                 R00, R01, R11 = noise(wave, eta, law.rate_floor)
-                a, n0, n1 = np.sqrt(R00), normal(own, 1), normal(own, 2)
+                a, n0, n1 = np.sqrt(R00), normal(errors, 0), normal(errors, 1)
                 b = R01 / a
                 z[count, 0] = r + a * n0
                 z[count, 1] = folded(rate + b * n0 + np.sqrt(R11 - b * b) * n1, law.limit)
                 if z.shape[1] == 3:
                     spread = np.sqrt(direction_variance(eta, law.elements))
-                    z[count, 2] = folded(direction_cosine(x, y, sx, sy, ax, ay) + spread * normal(own, 3), 1.0)
+                    z[count, 2] = folded(direction_cosine(x, y, sx, sy, ax, ay) + spread * normal(errors, 2), 1.0)
                 count += 1
     return count
 

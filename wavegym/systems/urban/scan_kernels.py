@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.detection_kernels import tabulated
+from wavegym.sensors.detection_kernels import detection_of
 from wavegym.sensors.geometry_kernels import locate_one, snr_at
 from wavegym.sensors.multipath_kernels import MOST_WALLS
 from wavegym.systems.urban.tracker_kernels import (
@@ -165,7 +165,7 @@ def claim_path(
         near = np.exp(log_density(squared, log_determinant, ll)) / constants.gate_probability
         claims[n] = near if squared <= constants.gate else 0.0
         total += claims[n] / constants.density
-    chance = tabulated(eta, constants.log_false_alarm, constants.detection_table)
+    chance = detection_of(eta, 0, constants.echo)
     chance = constants.gate_probability * chance * existence
     for n in range(count):
         if claims[n] > 0.0:

@@ -23,7 +23,7 @@ from wavegym.core.policy import makers_by_form
 from wavegym.core.system import ObservationField, State, System
 from wavegym.core.traits import DecisionMaker, DecisionMakers, TimedPulses
 from wavegym.sensors import Antenna, Multistatic, range_and_rate
-from wavegym.sensors.detection import detected_snr_table, detection_table
+from wavegym.sensors.detection import echo_law
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.systems.urban import kernels
@@ -363,11 +363,9 @@ class Urban(System, DecisionMakers, TimedPulses):
 
     @cached_property
     def _sensor_law(self) -> kernels.SensorLaw:
-        law = self._false_alarm, self.fluctuation, self._searched
-        snr_table = np.zeros((0, 0)) if self.error_snr == "mean" else detected_snr_table(*law)
+        law = echo_law((self._false_alarm,), self.fluctuation, self._searched, realised=self.error_snr == "realised")
         return kernels.SensorLaw(
-            self.clutter_density, math.log(self._false_alarm), detection_table(*law), snr_table,
-            self.rate_floor, self.reach, self.urban_tracker.elements, self.ambiguity,
+            self.clutter_density, law, self.rate_floor, self.reach, self.urban_tracker.elements, self.ambiguity
         )  # fmt: skip
 
     @cached_property

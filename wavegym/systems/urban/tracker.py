@@ -35,7 +35,8 @@ from wavegym.core.errors import (
     check_within,
 )
 from wavegym.core.parameters import in_one_line
-from wavegym.sensors.detection import detection_table, effective_snr_table
+from wavegym.sensors.detection import echo_law
+from wavegym.sensors.detection_kernels import EchoLaw
 from wavegym.sensors.multipath import Antenna, Grid, VisibilityMap, in_junctions, metres_to_road, visibility_map
 from wavegym.sensors.multistatic import check_triangle
 from wavegym.sensors.urban_map import Point, UrbanMap
@@ -304,10 +305,10 @@ class UrbanTracker:
     def _sizes(self) -> tuple[tuple[int, ...], ...]:
         return (0,) * 6, (0,) * len(self.motion), (0,) * self.quantities
 
-    def _effective_table(self) -> Array:
-        if self.error_snr == "mean":
-            return np.zeros(0)
-        return effective_snr_table(self.false_alarm, self.fluctuation, self.searched)
+    @property
+    def _echo_law(self) -> EchoLaw:
+        realised = self.error_snr == "realised"
+        return echo_law((self.false_alarm,), self.fluctuation, self.searched, realised=realised)
 
     @cached_property
     def constants(self) -> tracker_kernels.TrackerConstants:
@@ -331,9 +332,7 @@ class UrbanTracker:
             back_axes=_padded(back, "axes", 0.0), density=self.clutter_density / 2.0 ** (self.quantities - 2),
             gate=float(chdtri(self.quantities, 1.0 - self.gate_probability)),
             start_gate=float(chdtri(4, 1.0 - self.gate_probability)),
-            gate_probability=self.gate_probability, log_false_alarm=math.log(self.false_alarm),
-            detection_table=detection_table(self.false_alarm, self.fluctuation, self.searched),
-            effective_table=self._effective_table(),
+            gate_probability=self.gate_probability, echo=self._echo_law,
             rate_floor=self.rate_floor, reach=self.reach, survival=self.survival, birth=self.birth,
             confirm=self.confirm, confirm_after=self.confirm_after,
             drop_tentative=self.drop[0], drop_confirmed=self.drop[1],

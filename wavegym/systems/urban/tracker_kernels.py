@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.detection_kernels import effective_snr, tabulated
+from wavegym.sensors.detection_kernels import EchoLaw, detection_of, effective_snr
 from wavegym.sensors.geometry_kernels import direction_variance, folded, noise, range_and_rate, snr_at
 from wavegym.trackers.imm_kernels import mix_one
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
@@ -52,9 +52,7 @@ class TrackerConstants(NamedTuple):
     gate: float  # squared
     start_gate: float  # squared, of a new track
     gate_probability: float
-    log_false_alarm: float
-    detection_table: Any  # of detection.detection_table
-    effective_table: Any  # of detection.effective_snr_table; empty: covariances at the mean SNR
+    echo: EchoLaw
     rate_floor: float
     reach: float
     survival: float
@@ -171,7 +169,7 @@ def covariance_at(eta, wave, rate_floor, constants, R, ll):
 
     wave (2, 2): covariance of range and range-rate at unit SNR.
     """
-    eta = effective_snr(eta, constants.effective_table)
+    eta = effective_snr(eta, 0, constants.echo)
     R[0, 0], R[0, 1], R[1, 1] = noise(wave, eta, rate_floor)
     R[1, 0] = R[0, 1]
     if len(ll) == 3:
@@ -363,7 +361,7 @@ def predict_measurements(tracks, constants, pair, reference, predicted, scratch,
             and constants.back_visible[pair, i, j, 0]
             and r <= constants.reach
         )
-        chance = tabulated(predicted.eta[t], constants.log_false_alarm, constants.detection_table) if lit else HIDDEN
+        chance = detection_of(predicted.eta[t], 0, constants.echo) if lit else HIDDEN
         predicted.pd[t] = constants.gate_probability * chance
 
 
