@@ -253,10 +253,10 @@ class System:
 
         Where targets come and go, ``present``, (env, target) bool, marks the present targets. The figures of an absent
         target are 0, because Gymnasium's checker treats NaN as unequal. Where tracks come and go, ``present`` marks the
-        targets with a track, and a target without one has a ``position_error`` of ``lost_beyond``: it is astray if it
-        had a track before. ``gospa``, (env,) in m, is the GOSPA distance
-        of order 2 over all targets and tracks. If a system has it, its square is the error by truth in evaluations, in
-        place of the squared position error.
+        targets with a track, and a target that is there without one has a ``position_error`` of ``lost_beyond``.
+
+        ``gospa``, (env,) in m, is the GOSPA distance of order 2 over all targets and tracks. If a system has it, its
+        square is the error by truth in evaluations, in place of the squared position error.
         """
         return {}
 

@@ -39,7 +39,7 @@ def is_astray(position_error: Array, nees: Array, beyond: float, dimension: int 
     return ~inside if dimension is None else ~(inside & (nees <= greatest_nees(dimension)))
 
 
-def steps_astray(before: Array, astray: Array, has_track: Array) -> Array:
+def steps_astray(before: Array | int, astray: Array, has_track: Array | bool) -> Array:
     """The consecutive steps astray of each target after one more step, int, of any shape.
 
     A target without a track is astray only if it had one before. A target that is neither astray nor has a track is
@@ -48,7 +48,7 @@ def steps_astray(before: Array, astray: Array, has_track: Array) -> Array:
     Args:
         before: the result after the step before; at first ``NO_TRACK_YET``.
         astray: see ``is_astray``; of a target that is there without a track, True.
-        has_track: whether the target has a track.
+        has_track: whether the target has a track; True: all have.
     """
-    begun = np.where(has_track, np.maximum(before, 0), before)
-    return np.where(astray, begun + (begun >= 0), np.where(has_track, 0, begun))
+    begun = np.maximum(before, has_track - 1)  # 0 or more for a target that has or had a track
+    return np.where(astray < has_track, 0, begun + (astray & (begun >= 0)))

@@ -184,25 +184,25 @@ class Episodes:
     def _figures(self, state: State) -> Info:
         """The system's key figures, and ``astray`` if it has ``lost_beyond`` and does not report ``lost`` itself."""
         figures, beyond = self.system.state_info(state), self.system.lost_beyond
-        if beyond is None or "lost" in figures:
-            return figures
-        errors = figures["position_error"], figures["nees"]
-        return {**figures, "astray": is_astray(*errors, beyond, self.system.nees_dimension)}
+        if beyond is not None and "lost" not in figures:
+            errors = figures["position_error"], figures["nees"]
+            figures["astray"] = is_astray(*errors, beyond, self.system.nees_dimension)
+        return figures
 
     def _with_losses(self, state_info: Info) -> Info:
         """The state info with ``lost``, where it has ``astray``."""
-        if "astray" not in state_info:
-            return state_info
-        astray = state_info["astray"]
-        lost = np.zeros(astray.shape, np.bool_) if self._astray is None else self._astray >= LOST_AFTER
-        return {**state_info, "lost": lost}
+        if "astray" in state_info:
+            shape = state_info["astray"].shape
+            lost = np.zeros(shape, np.bool_) if self._astray is None else self._astray >= LOST_AFTER
+            state_info["lost"] = lost
+        return state_info
 
     def _count_astray(self, state_info: Info, keep: Array | None) -> None:
         """Count the step of all environments except those in ``keep``."""
         if "astray" in state_info:
             astray = state_info["astray"]
             before = np.full(astray.shape, NO_TRACK_YET) if self._astray is None else self._astray
-            after = steps_astray(before, astray, state_info.get("present", np.ones(astray.shape, np.bool_)))
+            after = steps_astray(before, astray, state_info.get("present", True))
             self._astray = after if keep is None else _replaced(before, ~keep, after)
 
     def step(self, actions: Array, keep: Array | None = None) -> tuple[Array, Info, Array, Info]:

@@ -177,7 +177,7 @@ def number(value: float | None) -> str:
 
 
 def decimal(value: float | None) -> str:
-    """Three decimals: tracks lost per episode, and scores."""
+    """Three decimals: targets lost per episode, and scores."""
     return "" if value is None else f"{value:.3f}"
 
 
