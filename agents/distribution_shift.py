@@ -153,7 +153,7 @@ def tables(results: dict[str, dict[str, Any]]) -> str:
 def _table(results: dict[str, dict[str, Any]], half: str, by: str) -> str:
     """Every policy against the best heuristic.
 
-    The costs come with the share of observations outside the agents' training; the errors with NEES and lost tracks.
+    The costs come with the share of observations outside the agents' training; the errors with NEES and lost targets.
     """
     compared = (*((PLANNER,) if half == UNKNOWN else ()), *AGENTS)
     head = ["environment", "shift", "myopic"]

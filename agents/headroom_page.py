@@ -14,7 +14,9 @@ from wavegym.core.command_line import guarded
 from wavegym.core.errors import InputError
 from wavegym.core.files import write_whole
 from wavegym.evaluation.comparison import BASELINE
+from wavegym.evaluation.consistency import flag_of, flag_of_ratio
 from wavegym.evaluation.planner_sweep import LIMITS, best_by_limit, limit_name
+from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.table import (
     decimal,
     flagged,
@@ -69,7 +71,7 @@ def overview(results: list[dict[str, Any]]) -> str:
     measured = [result for result in results if result["nees_dimension"]]
     if not measured:
         return costs_and_errors
-    title = "Mean NEES, flagged if its interval deviates by over a tenth, and ratio of true to believed squared error"
+    title = "Mean NEES and ratio of true to believed squared error, flagged if off"
     return f"{costs_and_errors}\n\n{title}:\n\n{_consistency(measured)}"
 
 
@@ -97,8 +99,10 @@ def _consistency(results: list[dict[str, Any]]) -> str:
     for result in results:
         cells = [_short(result), str(result["nees_dimension"])]
         for row in (result["policies"][name] for name in TITLES):
-            nees, ratio = row["nees"], row["true_over_believed"]["ratio"]
-            cells += [flagged(nees["mean"], nees["flag"]), number(ratio)]
+            nees = Estimate(row["nees"]["mean"], row["nees"]["ci"])
+            ratio = Estimate(row["true_over_believed"]["ratio"], row["true_over_believed"]["ci"])
+            cells += [flagged(nees.value, flag_of(nees, result["nees_dimension"]))]
+            cells += [flagged(ratio.value, flag_of_ratio(ratio))]
         rows.append(cells)
     return tabulated(head, rows)
 

@@ -196,7 +196,7 @@ def _shown_as(e: Entry) -> dict[str, str]:
 
 
 def errors(entries: Sequence[Entry]) -> str:
-    """One line for each environment: error by truth against the best heuristic, and tracks lost per episode."""
+    """One line for each environment: error by truth against the best heuristic, and targets lost per episode."""
     played = (SIMPLE, PLANNER, *AGENTS)
     rows = []
     for e in entries:

@@ -79,12 +79,12 @@ def test_the_overview_shows_the_consistency_where_it_is_measured():
     nees, over = ({name: 10.0 * k + n for n, name in enumerate(names)} for k in (1, 2))
     for name in names:
         found["policies"][name] |= {
-            "nees": {"mean": nees[name], "flag": "high" if name == "myopic" else ""},
-            "true_over_believed": {"ratio": over[name]},
+            "nees": {"mean": nees[name], "ci": [4.1, 99.0] if name == "myopic" else [0.0, 99.0]},
+            "true_over_believed": {"ratio": over[name], "ci": [1.1, 99.0] if name == "random" else [0.0, 99.0]},
         }
     text = headroom_page.overview([found, {**found, "nees_dimension": 4}])
     (line,) = re.findall(r"^\| Delay-v0 +\| +4 \|.*", text, re.MULTILINE)
-    assert line.replace(" ", "").endswith("|4|10.00|20.00|11.00|21.00|12.00high|22.00|13.00|23.00|")
+    assert line.replace(" ", "").endswith("|4|10.00|20.00high|11.00|21.00|12.00high|22.00|13.00|23.00|")
 
 
 def test_the_page_names_policies_whose_order_is_another_by_truth():

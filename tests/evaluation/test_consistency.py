@@ -14,7 +14,7 @@ from evaluation_systems import Walker
 from wavegym.core.worlds import world_seeds
 from wavegym.evaluation import summarise
 from wavegym.evaluation.comparison import Comparison
-from wavegym.evaluation.consistency import consistency, nees_bounds, nees_flag, reversals, steps_outside
+from wavegym.evaluation.consistency import consistency, flag_of, flag_of_ratio, nees_bounds, reversals, steps_outside
 from wavegym.evaluation.play import EpisodeResults, Task, merged, play, results_of
 from wavegym.evaluation.statistics import Estimate
 from wavegym.evaluation.table import markdown, order_sentence
@@ -54,6 +54,7 @@ def test_a_wrong_measurement_noise_is_flagged_and_the_right_one_is_not(believed,
     low, high = found.true_over_believed.ci
     assert low < true.mean() / variance.mean() < high
     assert (low < 1.0 < high) == (not flag)
+    assert found.ratio_flag == flag
 
 
 def test_one_step_in_twenty_of_a_consistent_tracker_is_outside_its_bounds():
@@ -72,19 +73,26 @@ def test_bounds_hold_the_mean_as_often_as_promised():
 
 
 @pytest.mark.parametrize(
-    ("ci", "dimension", "flag"),
+    ("mean", "ci", "dimension", "flag"),
     [
-        ((4.41, 5.0), 4, "high"),
-        ((4.39, 5.0), 4, ""),
-        ((3.0, 3.59), 4, "low"),
-        ((3.0, 3.61), 4, ""),
-        ((1.0, 90.0), 4, ""),
-        ((50.0, 90.0), None, ""),
-        (None, 4, ""),
+        (4.41, (4.01, 5.0), 4, "high"),
+        (4.39, (4.01, 5.0), 4, "(high)"),
+        (4.39, (3.99, 5.0), 4, ""),
+        (3.59, (3.0, 3.99), 4, "low"),
+        (3.61, (3.0, 3.99), 4, "(low)"),
+        (3.61, (3.0, 4.01), 4, ""),
+        (60.0, (1.0, 90.0), 4, ""),
+        (60.0, (50.0, 90.0), None, ""),
+        (4.0, None, 4, ""),
+        (None, None, 4, ""),
     ],
 )
-def test_a_mean_is_flagged_where_its_whole_interval_is_a_tenth_off(ci, dimension, flag):
-    assert nees_flag(Estimate(4.0, ci), dimension) == flag
+def test_a_mean_is_flagged_where_its_interval_excludes_what_is_expected(mean, ci, dimension, flag):
+    """Weakly if the mean itself is less than a tenth off; a ratio is then not flagged."""
+    assert flag_of(Estimate(mean, ci), dimension) == flag
+    if dimension and mean and ci:
+        ratio = Estimate(mean / dimension, tuple(end / dimension for end in ci))
+        assert flag_of_ratio(ratio) == (flag if "(" not in flag else "")
 
 
 def test_steps_without_a_target_do_not_count():
@@ -105,7 +113,7 @@ def test_a_report_shows_the_flag_and_what_is_expected():
     assert [policy["nees"]["flag"] for policy in summary["policies"].values()] == ["high", "high"]
     text = markdown(summary)
     assert "Consistency of the tracker (expected NEES: 1):" in text
-    assert text.count(" high |") == 2
+    assert text.count(" high |") == 4  # NEES and true over believed
     assert "true over believed" in text
 
 

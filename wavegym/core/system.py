@@ -75,6 +75,8 @@ class System:
         outcome_shape: the shape of the uniform draws that decide one step's outcome in ``predict``; (0,) for none.
         nees_dimension: the number of elements of the error in ``state_info``'s ``nees``, which is the mean NEES of a
             consistent tracker. Reports flag a mean NEES far from it; None (default) where no mean is expected.
+        lost_beyond: the position error in m from which the sensor or the association no longer finds a target; None
+            (default) where no target can be lost.
     """
 
     if TYPE_CHECKING:  # a subclass has them as fields, properties or class attributes
@@ -125,6 +127,11 @@ class System:
     @property
     def nees_dimension(self) -> int | None:
         """The mean NEES of a consistent tracker; None where no mean is expected."""
+        return None
+
+    @property
+    def lost_beyond(self) -> float | None:
+        """The position error, m, from which a target is astray; None where none can be lost."""
         return None
 
     @property
@@ -241,12 +248,15 @@ class System:
         * ``position_error`` (m), the distance of the estimate from the target;
         * ``position_variance`` (m^2), its mean square by belief: the trace of the covariance's position part;
         * ``nees``, the normalised estimation error squared, over ``nees_dimension`` elements;
-        * ``lost``, tracks lost; the value at the episode's end counts.
+        * ``lost``, the targets lost; the value at the episode's end counts. The environments add it, and ``astray``, by
+          the rule of ``wavegym.core.track_loss`` if the system has ``lost_beyond`` and does not report ``lost`` itself.
 
         Where targets come and go, ``present``, (env, target) bool, marks the present targets. The figures of an absent
-        target are 0, because Gymnasium's checker treats NaN as unequal. ``gospa``, (env,) in m, is the GOSPA distance
-        of order 2 over all targets and tracks. If a system has it, its square is the error by truth in evaluations, in
-        place of the squared position error.
+        target are 0, because Gymnasium's checker treats NaN as unequal. Where tracks come and go, ``present`` marks the
+        targets with a track, and a target that is there without one has a ``position_error`` of ``lost_beyond``.
+
+        ``gospa``, (env,) in m, is the GOSPA distance of order 2 over all targets and tracks. If a system has it, its
+        square is the error by truth in evaluations, in place of the squared position error.
         """
         return {}
 

@@ -21,6 +21,7 @@ from wavegym.core.action_sets import JointLibrary, ParameterBox, PerSensorLibrar
 from wavegym.core.arrays import Array
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.system import ObservationField, System
+from wavegym.core.track_loss import LOST_AFTER
 from wavegym.core.traits import TimedPulses, UnequalSteps
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.observations.scaling import LIMIT
@@ -31,6 +32,10 @@ INFO = {
     "cost": "cost of the belief after the step: see Rewards",
     "saturated": "number of observation fields clipped at their bound",
     "waveform": "index of the waveform transmitted; `env.unwrapped.system.actions.labels` names it",
+}
+INFO_LOSSES = {
+    "astray": "of each target present: no track is within {beyond:.4g} m of it and has it in its 99.9 % region",
+    "lost": "of each target that had a track: astray in at least the last {steps} steps of its presence",
 }
 INFO_PER_SENSOR = {
     "waveform": "indices of the waveforms transmitted, one for each sensor; `env.unwrapped.system.actions.labels` "
@@ -214,7 +219,10 @@ def _info(env: Any, system: System) -> str:
     boxed, several = (any(isinstance(actions, kind) for actions in forms) for kind in (ParameterBox, PerSensorLibrary))
     relative = {} if isinstance(system, UnequalSteps) else INFO_RELATIVE
     shapes = {**(INFO_PER_SENSOR if several else {}), **(INFO_BOX if boxed else {})}
-    known = {**INFO, **shapes, **relative, **INFO_AT_TIMES}
+    losses = {}
+    if "astray" in info:
+        losses = {key: text.format(beyond=system.lost_beyond, steps=LOST_AFTER) for key, text in INFO_LOSSES.items()}
+    known = {**INFO, **losses, **shapes, **relative, **INFO_AT_TIMES}
     figures = " ".join((type(system).state_info.__doc__ or "").split())
     rows = [(f"`{key}`", _kind(value), known.pop(key, "key figure, see below")) for key, value in info.items()]
     rows += [(f"`{key}`", "", meaning) for key, meaning in known.items()]

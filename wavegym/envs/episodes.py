@@ -16,6 +16,7 @@ from wavegym.core import trees
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice
 from wavegym.core.system import State, System
+from wavegym.core.track_loss import LOST_AFTER, NO_TRACK_YET, is_astray, steps_astray
 from wavegym.envs.chunks import in_chunks
 from wavegym.envs.rewards import Reward, Transition
 from wavegym.observations.observer import MeasurementObserver, Observer
@@ -96,6 +97,7 @@ class Episodes:
             self.observer = MeasurementObserver(system)
         self._threads = num_threads
         self._shown: Array | None = None  # by environment, what a MeasurementObserver shows
+        self._astray: Array | None = None  # (env, target) int, see ``steps_astray``; None: no step yet
         self.generators: list[np.random.Generator | None] = [None] * num_envs
         self.seeds: list[int | None] = [None] * num_envs  # -1 where a generator was given instead
         self.world: Any = None
@@ -121,11 +123,13 @@ class Episodes:
         world = trees.stack(worlds)
         state, memory = in_chunks(self._begun, world, len(worlds), self._threads)
         if rows.all():
-            self.world, self._state, self._memory = world, state, memory
+            self.world, self._state, self._memory, self._astray = world, state, memory, None
         else:
             trees.overwrite(self.world, rows, world)
             trees.overwrite(self._memory, rows, memory)
             self._state = trees.scattered(self.state, rows, state)
+            if self._astray is not None:
+                self._astray = _replaced(self._astray, rows, np.full_like(self._astray, NO_TRACK_YET))
         if isinstance(self.observer, MeasurementObserver):
             self._shown = _replaced(self._shown, rows, self.observer.first(self.state.belief))
 
@@ -146,7 +150,7 @@ class Episodes:
         generators = [None if generator is None else generator.bit_generator.state for generator in self.generators]
         trees_of_arrays = {"world": self.world, "state": self.state, "memory": self._memory}
         leaves = {name: trees.leaves(tree) for name, tree in trees_of_arrays.items()}
-        return {"generators": generators, "seeds": self.seeds, "shown": self._shown, **leaves}
+        return {"generators": generators, "seeds": self.seeds, "shown": self._shown, "astray": self._astray, **leaves}
 
     def restore(self, saved: dict[str, Any]) -> None:
         """Continue the episodes of ``saved``. Raises a KeyError, TypeError or ValueError where they are others."""
@@ -157,14 +161,15 @@ class Episodes:
         self.world = trees.refilled(self.world, saved["world"])
         self._state = trees.refilled(self.state, saved["state"])
         self._memory = trees.refilled(self._memory, saved["memory"])
-        self._shown, self.seeds = saved["shown"], saved["seeds"]
+        self._shown, self._astray, self.seeds = saved["shown"], saved["astray"], saved["seeds"]
         for row, state in enumerate(saved["generators"]):
             if state is not None:
                 self.generator(row).bit_generator.state = state
 
     def observe(self) -> tuple[Array, Info]:
         """Observations (env, fields) and the state info."""
-        return self._observed(self.state, self._shown)
+        observation, state_info = self._observed(self.state, self._shown)
+        return observation, self._with_losses(state_info)
 
     def _observed(self, state: State, shown: Array | None) -> tuple[Array, Info]:
         """``observe`` of a state.
@@ -174,7 +179,31 @@ class Episodes:
         """
         observation, saturated = self.observer(state.belief if shown is None else shown)
         cost = self.system.cost(state.belief)
-        return observation, {"cost": cost, "saturated": saturated, **self.system.state_info(state)}
+        return observation, {"cost": cost, "saturated": saturated, **self._figures(state)}
+
+    def _figures(self, state: State) -> Info:
+        """The system's key figures, and ``astray`` if it has ``lost_beyond`` and does not report ``lost`` itself."""
+        figures, beyond = self.system.state_info(state), self.system.lost_beyond
+        if beyond is not None and "lost" not in figures:
+            errors = figures["position_error"], figures["nees"]
+            figures["astray"] = is_astray(*errors, beyond, self.system.nees_dimension)
+        return figures
+
+    def _with_losses(self, state_info: Info) -> Info:
+        """The state info with ``lost``, where it has ``astray``."""
+        if "astray" in state_info:
+            shape = state_info["astray"].shape
+            lost = np.zeros(shape, np.bool_) if self._astray is None else self._astray >= LOST_AFTER
+            state_info["lost"] = lost
+        return state_info
+
+    def _count_astray(self, state_info: Info, keep: Array | None) -> None:
+        """Count the step of all environments except those in ``keep``."""
+        if "astray" in state_info:
+            astray = state_info["astray"]
+            before = np.full(astray.shape, NO_TRACK_YET) if self._astray is None else self._astray
+            after = steps_astray(before, astray, state_info.get("present", True))
+            self._astray = after if keep is None else _replaced(before, ~keep, after)
 
     def step(self, actions: Array, keep: Array | None = None) -> tuple[Array, Info, Array, Info]:
         """Advance all environments except those in ``keep`` (bool, env), whose states stay unchanged.
@@ -190,7 +219,8 @@ class Episodes:
         self._state, self._shown, terms = after.state, after.shown, after.transition_info
         if self.measurements:
             terms = {**terms, **{f"measured_{name}": values for name, values in measured._asdict().items()}}
-        return after.observation, after.state_info, after.reward, terms
+        self._count_astray(after.state_info, keep)
+        return after.observation, self._with_losses(after.state_info), after.reward, terms
 
     def _advanced(self, before: Before) -> After:
         """A step of a batch, or of a chunk of it. It changes nothing here, as chunks are advanced side by side."""

@@ -20,16 +20,17 @@ from wavegym.evaluation import statistics
 from wavegym.evaluation.play import EpisodeResults, Played
 from wavegym.evaluation.statistics import LEVEL, Estimate
 
-TOLERANCE = 0.1  # of the expected NEES
-HIGH, LOW = "high", "low"  # flags of a mean NEES: the tracker is overconfident, underconfident
+TOLERANCE = 0.1  # of what is expected
+HIGH, LOW = "high", "low"  # flags of a figure: the tracker is overconfident, underconfident
 
 
 class Consistency(NamedTuple):
     """How well a tracker knows its errors."""
 
     nees: Estimate  # mean over episodes
-    flag: str  # HIGH or LOW where the interval of the mean NEES leaves its bounds, else ""
+    flag: str  # of the mean NEES, see ``flag_of``
     true_over_believed: Estimate  # mean squared position error over the mean of its variance by belief
+    ratio_flag: str  # of that ratio, see ``flag_of_ratio``
 
 
 def consistency(results: EpisodeResults, dimension: int | None, rng: np.random.Generator) -> Consistency:
@@ -42,16 +43,22 @@ def consistency(results: EpisodeResults, dimension: int | None, rng: np.random.G
     """
     nees = statistics.ratio(results.nees, np.ones(results.nees.shape), rng)
     ratio = statistics.ratio(np.square(results.rmse), np.square(results.believed_rmse), rng)
-    return Consistency(nees, nees_flag(nees, dimension), ratio)
+    return Consistency(nees, flag_of(nees, dimension), ratio, flag_of_ratio(ratio))
 
 
-def nees_flag(nees: Estimate, dimension: int | None) -> str:
-    """HIGH or LOW where no value in the interval of the mean NEES is within TOLERANCE of ``dimension``, else ""."""
-    if dimension is None or nees.ci is None:
+def flag_of(found: Estimate, expected: float | None) -> str:
+    """HIGH or LOW where the interval excludes what is expected, in parentheses if it is within TOLERANCE, else ""."""
+    value, ci = found
+    if expected is None or value is None or ci is None or ci[0] <= expected <= ci[1]:
         return ""
-    if nees.ci[0] > (1.0 + TOLERANCE) * dimension:
-        return HIGH
-    return LOW if nees.ci[1] < (1.0 - TOLERANCE) * dimension else ""
+    word = HIGH if ci[0] > expected else LOW
+    return word if abs(value / expected - 1.0) > TOLERANCE else f"({word})"
+
+
+def flag_of_ratio(found: Estimate) -> str:
+    """HIGH or LOW where a ratio is off 1 by more than TOLERANCE and its interval excludes 1, else ""."""
+    flag = flag_of(found, 1.0)
+    return flag if flag in (HIGH, LOW) else ""
 
 
 def steps_outside(members: Sequence[Played], dimension: int | None) -> float | None:

@@ -75,7 +75,7 @@ class Played(NamedTuple):
     gospa: Array  # (world,) root mean square GOSPA distance over steps, m
     nees_sum: Array  # (world, H) NEES summed over the targets present; 0 past an episode's end
     nees_count: Array  # (world, H) int, targets in that sum
-    lost: Array  # (world,) tracks lost when the episode ended
+    lost: Array  # (world,) targets lost when the episode ended
     choice: Array  # (world, H, sensor) int, the waveform transmitted; -1 past an episode's end; no sensor for a box
     options: Array  # (world,) int, waveforms to choose from at each sensor; 0 for a box
     outside: Array  # (world,) share of decisions on observations outside the range of the policy's training
@@ -107,7 +107,7 @@ class EpisodeResults(NamedTuple):
     believed_rmse: Array  # the same by belief, m
     gospa: Array  # root mean square GOSPA distance over steps, m
     nees: Array  # mean over steps and the targets present
-    lost: Array  # tracks lost when the episode ended
+    lost: Array  # targets lost when the episode ended
     outside: Array  # share of decisions on observations outside the range of the policy's training
 
     @property

@@ -78,14 +78,14 @@ def by_consistency(comparison: Comparison, name: str, rng: np.random.Generator) 
 
     Returns:
         ``nees`` {mean, ci, flag, steps_outside}, see ``consistency`` and ``steps_outside``; ``true_over_believed``
-        {ratio, ci} of the mean squared position errors; ``lost``, tracks lost per episode.
+        {ratio, ci, flag} of the mean squared position errors; ``lost``, targets lost per episode.
     """
     results, dimension = comparison.results(name), comparison.task.system.nees_dimension
     found = consistency(results, dimension, rng)
     outside = steps_outside(comparison.played[name], dimension)
     return {
         "nees": {**named("mean", "ci", found.nees), "flag": found.flag, "steps_outside": outside},
-        "true_over_believed": named("ratio", "ci", found.true_over_believed),
+        "true_over_believed": {**named("ratio", "ci", found.true_over_believed), "flag": found.ratio_flag},
         "lost": finite(np.mean(results.lost)),
     }
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
+from wavegym.evaluation.consistency import flag_of, flag_of_ratio
 from wavegym.evaluation.statistics import Estimate
 
 BELIEF = (
@@ -71,10 +73,11 @@ def three_tables(figures: Mapping[str, Any], policies: Mapping[str, Any], belief
     """
     error, dimension = "the GOSPA distance" if figures["in_gospa"] else "the position", figures["nees_dimension"]
     expected = "" if dimension is None else f" (expected NEES: {dimension})"
+    consistency_row = partial(_consistency_row, dimension=dimension)
     made = [
         Table("Cost by belief", columns(*belief, policies)),
         Table(f"Error by truth, of {error}", columns(*truth, policies)),
-        Table(f"Consistency of the tracker{expected}", columns(CONSISTENCY, _consistency_row, policies)),
+        Table(f"Consistency of the tracker{expected}", columns(CONSISTENCY, consistency_row, policies)),
     ]
     return [table for table in made if len(table.columns) > 1]
 
@@ -148,22 +151,22 @@ def _truth_row(policy: dict[str, Any]) -> list[str]:
     ]
 
 
-def _consistency_row(policy: dict[str, Any]) -> list[str]:
+def _consistency_row(policy: dict[str, Any], dimension: int | None) -> list[str]:
     """A policy's cells under CONSISTENCY, without its name."""
     nees, ratio = policy["nees"], policy["true_over_believed"]
     outside = nees["steps_outside"]
     return [
-        flagged(nees["mean"], nees["flag"]),
+        flagged(nees["mean"], flag_of(Estimate(nees["mean"], nees["ci"]), dimension)),
         interval(nees["ci"], number),
         "" if outside is None else f"{100.0 * outside:.0f}",
-        number(ratio["ratio"]),
+        flagged(ratio["ratio"], flag_of_ratio(Estimate(ratio["ratio"], ratio["ci"]))),
         interval(ratio["ci"], number),
     ]
 
 
-def flagged(nees: float | None, flag: str) -> str:
-    """A mean NEES and its flag."""
-    return f"{number(nees)} {flag}".strip()
+def flagged(value: float | None, flag: str) -> str:
+    """A number and its flag."""
+    return f"{number(value)} {flag}".strip()
 
 
 def number(value: float | None) -> str:
@@ -174,7 +177,7 @@ def number(value: float | None) -> str:
 
 
 def decimal(value: float | None) -> str:
-    """Three decimals: tracks lost per episode, and scores."""
+    """Three decimals: targets lost per episode, and scores."""
     return "" if value is None else f"{value:.3f}"
 
 

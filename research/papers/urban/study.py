@@ -140,6 +140,7 @@ def _play(case: Case, seeds: Sequence[int], scans: int = 0) -> Runs:
         action = policy.act(state.belief, None, None)
         state = loop.transition(state, action, world)
         found = loop.state_info(state)
+        found["lost"] = loop.truth_model.scene.direct[state.belief.step] & ~found["held"]
         measured = (found[key] for key in ("confirmed", "false", "held", "position_error", "lost", "gospa"))
         place, mu = _confirmed(state)
         kept.append((*measured, mu, action, tracked, place))

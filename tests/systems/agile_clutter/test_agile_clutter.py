@@ -94,14 +94,6 @@ def test_figures_are_errors_and_mahalanobis_distances():
     np.testing.assert_allclose(system.cost(state.belief), cost, rtol=1e-12)
 
 
-def test_a_track_is_lost_with_the_sixth_return_outside_its_gates():
-    system = AgileClutter()
-    state = system.initial(oracles.worlds(system, 1))
-    outside = np.array([[5, 6]])
-    lost = system.state_info(state._replace(truth=state.truth._replace(outside=outside)))["lost"]
-    np.testing.assert_array_equal(lost, [[False, True]])
-
-
 def test_every_element_of_the_observation_is_as_documented():
     system = AgileClutter()
     states = play(system, oracles.worlds(system, 2), at_random(system))

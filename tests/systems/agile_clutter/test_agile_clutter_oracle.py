@@ -83,7 +83,7 @@ def test_transition_with_jpda_is_the_plain_loop(settings, tolerance):
         np.testing.assert_array_equal(metrics["detections"], want.detections)
         np.testing.assert_array_equal(metrics["clutter"], want.clutter)
         np.testing.assert_array_equal(state.truth.outside, outside)
-        np.testing.assert_array_equal(metrics["lost"], outside > 5)
+        np.testing.assert_array_equal(metrics["returns_outside"], outside)
     assert (outside.max() > 5) == (system.gate < 2.0)
 
 

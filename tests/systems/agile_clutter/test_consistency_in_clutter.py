@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from wavegym.core.track_loss import LOST_AFTER, NO_TRACK_YET, is_astray, steps_astray
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation.play import make_task
 from wavegym.schedulers.registry import make_policy
@@ -66,22 +67,23 @@ def drawn_nees(belief, there, rng):
 @cache
 def run(env_id, tracker):
     """The figures of one episode."""
-    rng, steps, outside = np.random.default_rng(0), [], []
+    rng, steps, outside, astray = np.random.default_rng(0), [], [], NO_TRACK_YET
     for k, (system, state) in enumerate(episode(env_id, tracker=tracker)):
         info, diagonal = system.state_info(state), np.diagonal(state.belief.covariance, axis1=2, axis2=3)
         there = info["present"]
         steps.append([there, info["nees"], info["squared_error"], diagonal @ np.array(system.weights)])
+        astray = steps_astray(astray, is_astray(info["position_error"], info["nees"], system.lost_beyond, 4), there)
         if k % EVERY == 0 and there.any():
             drawn = drawn_nees(state.belief, there, rng).mean(axis=1)
             outside.append(not drawn.min() <= info["nees"][there].mean() <= drawn.max())
     present, nees, error, trace = np.array(steps).swapaxes(0, 1)
-    return Run(present > 0, nees, error, trace, info["lost"], outside)
+    return Run(present > 0, nees, error, trace, astray >= LOST_AFTER, outside)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("env_id", IDS)
 def test_the_mixture_is_consistent_in_clutter(env_id):
-    """The mean NEES within 10 % of 4, 2 % of the tracks lost at most, the true error at most 1.25 times the believed.
+    """The mean NEES within 10 % of 4, 2 % of the targets lost at most, the true error at most 1.25 times the believed.
 
     A step's mean lies beyond those of 200 draws with probability 1 %. Steps of one episode are correlated: one unlucky
     track counts at many steps, hence 15 % of them.

@@ -35,22 +35,26 @@ def by_gain(system, ahead=0.5, worth=1.0):
     return lambda belief, mask: policy.choose(belief, mask, None)
 
 
-def test_a_track_is_lost_where_its_target_stays():
-    """Slots follow targets 0 and 1 and a false alarm; 1 has left, 2 is there without its track, 3 never had one."""
+def test_samples_astray_are_of_targets_that_stay_and_had_a_track():
+    """Slots follow targets 0, 1 and 4 and a false alarm; 1 has left, 2 is without its track, 3 never had one.
+
+    The track of 0 is 99 m away, in limits of 100 m; that of 4 has a NEES beyond its region, 18.5.
+    """
     truth = SimpleNamespace(
-        held=np.array([[True, True, True, False]]), here=np.array([[True, False, True, True]]), lost=np.zeros(1, int),
-        origin=np.array([[0, 1, -1, 2]]), confirmed=np.array([[1.0, 1.0, 1.0, np.nan]])
+        here=np.array([[True, False, True, True, True]]), astray=np.array([[3, 3, 3, -1, 3]]),
+        state=np.zeros((1, 5, 4)), origin=np.array([[0, 1, -1, 4]]), present=np.array([[True, False, False, True]]),
+        squared_error=np.array([[99.0**2, 0, 0, 0]]), nees=np.array([[18.0, 0, 0, 19.0]]),
+        confirmed=np.array([[1.0, 1.0, 1.0, np.nan, 1.0]])
     )  # fmt: skip
-    follows = np.array([True, True, True, False])
-    _follow(truth, 0, follows, 5.0)
-    assert truth.lost[0] == 1
-    assert truth.held[0].tolist() == [True, False, False, False]
-    truth.origin[0, 2] = 3
-    _follow(truth, 0, follows, 6.0)
-    assert truth.lost[0] == 1
-    np.testing.assert_array_equal(truth.confirmed[0], [1.0, 1.0, 1.0, 6.0])
-    _follow(truth, 0, np.zeros(4, bool), 7.0)
-    assert truth.lost[0] == 3
+    _follow(truth, 0, 5.0, 100.0)
+    assert truth.astray[0].tolist() == [0, 3, 4, -1, 4]
+    truth.origin[0, 2], truth.present[0, 2] = 3, True
+    _follow(truth, 0, 6.0, 99.0)
+    assert truth.astray[0].tolist() == [1, 3, 5, 0, 5]
+    np.testing.assert_array_equal(truth.confirmed[0], [1.0, 1.0, 1.0, 6.0, 1.0])
+    truth.present[:] = False
+    _follow(truth, 0, 7.0, 100.0)
+    assert truth.astray[0].tolist() == [2, 3, 6, 1, 6]
 
 
 def test_errors_are_of_targets_that_are_there():

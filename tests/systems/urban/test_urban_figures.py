@@ -40,9 +40,8 @@ def expected(state, e):
             own = sure[distance[t].argmin()]
             off, spread = truth.targets[e, t, :4] - x[e, own, :4], P[e, own, :4, :4]
             variance, nees = spread[0, 0] + spread[1, 1], off @ np.linalg.inv(spread) @ off
-        lost = SYSTEM.scene.direct[belief.step[e], t] and not held
-        rows.append((min(least, HELD_WITHIN) if present else 0.0, variance, nees, held, held, lost))
-    names = ("position_error", "position_variance", "nees", "present", "held", "lost")
+        rows.append((min(least, HELD_WITHIN) if present else 0.0, variance, nees, held, held))
+    names = ("position_error", "position_variance", "nees", "present", "held")
     return dict(zip(names, np.array(rows).T, strict=True)) | {
         "confirmed": len(sure),
         "false": (~(distance[truth.present[e]] <= HELD_WITHIN).any(axis=0)).sum(),

@@ -202,23 +202,20 @@ def observe(step, mean, covariance, horizon, targets, F, Q, radar, out, nn):
 
 
 @kernel
-def track_errors(step, mean, covariance, truth, outside, most, weight, targets, weights, values, flags, components):
+def track_errors(step, mean, covariance, truth, weight, targets, weights, values, present, components):
     """Key figures of the present targets (else 0), and the number of components of their mixtures, (e, t) each.
 
-    values (4, e, t): position error, position variance, squared error (weighted) and NEES. flags (2, e, t): whether a
-    target is present, and whether it is lost: more than ``most`` of its returns were ``outside`` its gates. weight (e,
-    t, c): of the components of mixtures.
+    values (4, e, t): position error, position variance, squared error (weighted) and NEES. present (e, t): whether a
+    target is present. weight (e, t, c): of the components of mixtures.
     """
     birth, lifetime = targets
     n = len(weights)
     L, d = np.empty((n, n)), np.empty(n)
     values[:], components[:] = 0.0, 0
     for e in range(len(step)):
-        present = flags[0, e]
-        is_present(step[e], birth, lifetime, present)
+        is_present(step[e], birth, lifetime, present[e])
         for t in range(len(birth)):
-            flags[1, e, t] = outside[e, t] > most
-            if present[t]:
+            if present[e, t]:
                 for a in range(n):
                     d[a] = mean[e, t, a] - truth[e, t, a]
                     values[2, e, t] += weights[a] * d[a] * d[a]

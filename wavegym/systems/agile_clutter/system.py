@@ -52,7 +52,6 @@ from wavegym.trackers.protocol import (
 )
 
 NO_MIXTURE = np.empty((1, 1, 0))  # in place of the weights of its components
-LOST_AFTER = 5  # a track is lost after more returns of its target outside its gates (the paper's rule, of one sensor)
 
 
 @dataclass(frozen=True)
@@ -158,6 +157,7 @@ class AgileClutter(ClutterScenario, DecisionMakers):
     counts_every_sensor: ClassVar[bool] = False
 
     nees_dimension = 4  # position and velocity
+    lost_beyond = 500.0  # m: half the distance of the first targets; farther away another target's returns are nearer
 
     @property
     def decision_makers(self) -> tuple[DecisionMaker, ...]:
@@ -362,27 +362,26 @@ class AgileClutter(ClutterScenario, DecisionMakers):
 
     def state_info(self, state: State) -> dict[str, Array]:
         """For each target, 0 unless ``present``: ``position_error`` (m), ``position_variance`` (m^2), ``squared_error``
-        (m^2, weighted with Lambda), ``nees`` (expected: 4) and ``lost`` (more than five returns have fallen outside its
-        gates at the first sensor of a step that illuminates it). For the step: ``detections``, and ``clutter`` points
-        inside the gates of targets that no earlier sensor has illuminated. With ``tracker="particle"``: ``ess`` and
-        ``ancestors``, effective sample size and distinct ancestors as shares of the particles. With
-        ``tracker="mixture"``: the ``components`` in use for each target.
+        (m^2, weighted with Lambda), ``nees`` (expected: 4) and ``returns_outside`` (how many returns have fallen
+        outside its gates at the first sensor of a step that illuminates it). For the step: ``detections``, and
+        ``clutter`` points inside the gates of targets that no earlier sensor has illuminated. With
+        ``tracker="particle"``: ``ess`` and ``ancestors``, effective sample size and distinct ancestors as shares of the
+        particles. With ``tracker="mixture"``: the ``components`` in use for each target.
         """
         truth, belief = state
-        values, flags = np.empty((4, *truth.outside.shape)), np.empty((2, *truth.outside.shape), np.bool_)
+        values, present = np.empty((4, *truth.outside.shape)), np.empty(truth.outside.shape, np.bool_)
         components = np.empty(truth.outside.shape, np.int64)
         weight = belief.hypotheses.weight if self.tracker == "mixture" else NO_MIXTURE
         prediction.track_errors(
-            *belief[:3], truth.targets, truth.outside, LOST_AFTER, weight, self._targets, self._weights, values, flags,
-            components
+            *belief[:3], truth.targets, weight, self._targets, self._weights, values, present, components
         )  # fmt: skip
         figures = {
-            "present": flags[0],
+            "present": present,
             "position_error": values[0],
             "position_variance": values[1],
             "squared_error": values[2],
             "nees": values[3],
-            "lost": flags[1],
+            "returns_outside": truth.outside.copy(),
             "detections": truth.scan[:, 0].copy(),
             "clutter": truth.scan[:, 1].copy(),
         }

@@ -45,7 +45,6 @@ from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan
 from wavegym.waveforms import PulseTiming
 
 LONGEST = 10_000  # steps: the system keeps a transition matrix for each number of steps
-LOST_AFTER = 30  # steps in which the camera has not found a target
 CHANGING = Belief._fields[1:7]  # the fields that a step changes: two forms of the estimate, and the camera
 
 Distance = Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]
@@ -141,6 +140,11 @@ class CameraSlew(LookSystem, TimedPulses):
     def outcome_shape(self) -> tuple[int, ...]:
         """One draw for each target: whether the camera finds it."""
         return (self.targets,)
+
+    @property
+    def lost_beyond(self) -> float:
+        """Half the width of the image in the middle of ``ranges``, m: farther off, a look at the estimate misses."""
+        return self.half_field * 0.5 * sum(self.ranges)
 
     @cached_property
     def loop(self) -> RfEo:
@@ -365,15 +369,14 @@ class CameraSlew(LookSystem, TimedPulses):
         """Figures of each target and of the camera.
 
         For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4), ``received``
-        (number of quantities measured in this step), ``found`` (by the camera in this step) and ``lost`` (not found for
-        more than thirty steps). For the camera: ``pointing`` (rad) and ``settling`` (remaining steps).
+        (number of quantities measured in this step) and ``found`` (by the camera in this step). For the camera:
+        ``pointing`` (rad) and ``settling`` (remaining steps).
         """
         truth, belief = state
         return {
             **self._errors(state),
             "received": truth.received.copy(),
             "found": truth.seen.copy(),
-            "lost": truth.unseen > LOST_AFTER,
             "pointing": belief.pointing.copy(),
             "settling": belief.settling.copy(),
         }

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from wavegym.core.arrays import Array
+from wavegym.core.track_loss import is_astray, steps_astray
 from wavegym.core.traits import CONFIRMED
 from wavegym.systems.multifunction_radar.dwell_kernels import Area, weight_at
 from wavegym.systems.multifunction_radar.step_kernels import Flight, estimate_slots
@@ -32,9 +33,8 @@ class Truth(NamedTuple):
     cell: Array  # (env,) int, cells of time that have begun
     origin: Array  # (env, k) int, the target whose echo a slot has used last; -1: a false alarm
     arrival: Array  # (env, g) s, negative for those that are there at the beginning
-    held: Array  # (env, g) bool, whether a confirmed track followed the target when the figures were taken
+    astray: Array  # (env, g) int, consecutive samples without a confirmed track that follows; see ``steps_astray``
     confirmed: Array  # (env, g) s, when the target had its first confirmed track; NaN before
-    lost: Array  # (env,) targets whose confirmed track was lost while they were there, so far
     false: Array  # (env,) confirmed tracks of no target
     gospa: Array  # (env,) m
     squared_error: Array  # (env, k) m^2
@@ -76,7 +76,9 @@ def estimates(belief: Belief, modes: Modes) -> Estimates:
     return made
 
 
-def take_figures(truth: Truth, belief: Belief, rows: Array, flight: Flight, laws: tuple[Any, ...]) -> None:
+def take_figures(
+    truth: Truth, belief: Belief, rows: Array, flight: Flight, laws: tuple[Any, ...], lost_beyond: float
+) -> None:
     """Write the figures of the environments ``rows`` into ``truth``.
 
     Args:
@@ -86,6 +88,7 @@ def take_figures(truth: Truth, belief: Belief, rows: Array, flight: Flight, laws
         flight: of the true targets.
         laws: the tracker's modes, beam, area and c0. The GOSPA distance of order 2 has the cutoff sqrt(2 c0), so a
             target that no track reports, and a track without target, cost c0.
+        lost_beyond: m, see ``System``.
     """
     modes, _, area, most = laws
     part = Belief(*(leaf[rows] for leaf in belief))
@@ -99,8 +102,8 @@ def take_figures(truth: Truth, belief: Belief, rows: Array, flight: Flight, laws
         reported = (existence > 0.0) & (existence * (2.0 * most - trace) > most)
         truth.gospa[e] = _gospa(x[truth.here[e]], mean[reported], most, area)
         confirmed = existence >= CONFIRMED
-        _follow(truth, e, confirmed, belief.time[e])
         _errors(truth, e, confirmed, x, mean, covariance)
+        _follow(truth, e, belief.time[e], lost_beyond)
 
 
 def _gospa(x: Array, mean: Array, most: float, area: Area) -> float:
@@ -113,15 +116,14 @@ def _gospa(x: Array, mean: Array, most: float, area: Area) -> float:
     return float(np.sqrt(apart[pairs].sum() + most * alone))
 
 
-def _follow(truth: Truth, e: int, confirmed: Array, time: float) -> None:
-    """Which targets have a confirmed track, when they first had one, and which have lost it."""
-    held = np.zeros_like(truth.held[e])
-    held[truth.origin[e][confirmed & (truth.origin[e] >= 0)]] = True
-    held &= truth.here[e]
-    truth.lost[e] += (truth.held[e] & ~held & truth.here[e]).sum()
-    first = held & np.isnan(truth.confirmed[e])
-    truth.confirmed[e][first] = time
-    truth.held[e] = held
+def _follow(truth: Truth, e: int, time: float, beyond: float) -> None:
+    """When targets first had a confirmed track, and in how many samples in a row they have been astray since."""
+    astray = is_astray(np.sqrt(truth.squared_error[e]), truth.nees[e], beyond, truth.state.shape[-1])
+    held, near = np.zeros((2, *truth.here[e].shape), np.bool_)
+    held[truth.origin[e][truth.present[e]]] = True
+    near[truth.origin[e][truth.present[e] & ~astray]] = True
+    truth.confirmed[e][held & np.isnan(truth.confirmed[e])] = time
+    truth.astray[e] = steps_astray(truth.astray[e], truth.here[e] & ~near, held)
 
 
 def _errors(truth: Truth, e: int, confirmed: Array, x: Array, mean: Array, covariance: Array) -> None:

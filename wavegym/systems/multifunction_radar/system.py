@@ -15,6 +15,7 @@ from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Count, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
+from wavegym.core.track_loss import LOST_AFTER, NO_TRACK_YET
 from wavegym.core.traits import TimedPulses, TrackSlots, UnequalSteps
 from wavegym.systems.multifunction_radar import step_kernels as kernels
 from wavegym.systems.multifunction_radar.actions import Dwells
@@ -288,8 +289,8 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         none = np.zeros(count)
         truth = Truth(
             state=x, mode=mode, here=here, cell=np.zeros(count, np.int64),
-            origin=np.full((count, slots), -1), arrival=arrival, held=np.zeros_like(here),
-            confirmed=np.full(here.shape, np.nan), lost=none, false=none.copy(),
+            origin=np.full((count, slots), -1), arrival=arrival, astray=np.full(here.shape, NO_TRACK_YET),
+            confirmed=np.full(here.shape, np.nan), false=none,
             gospa=none.copy(), squared_error=np.zeros((count, slots)),
             variance=np.zeros((count, slots)), nees=np.zeros((count, slots)),
             replaced=np.zeros(count, np.bool_), present=np.zeros((count, slots), np.bool_),
@@ -298,7 +299,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         belief.undetected[:] *= 1.0 - self.known
         known, variance = world.draw[..., 6] < self.known, np.square(self.first_errors)
         kernels.first_tracks(x, here, known, world.error, self.modes, variance, belief, truth.origin)
-        take_figures(truth, belief, np.arange(count), self.truth_model.flight, self.laws)
+        take_figures(truth, belief, np.arange(count), self.truth_model.flight, self.laws, self.lost_beyond)
         return State(truth, belief)
 
     @cached_property
@@ -328,7 +329,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         truth.replaced[:] = ~self.mask(state.belief)[np.arange(len(action)), action]
         due = np.flatnonzero(belief.time // self.sample > state.belief.time // self.sample)
         if len(due):
-            take_figures(truth, belief, due, model.flight, self.laws)
+            take_figures(truth, belief, due, model.flight, self.laws, self.lost_beyond)
         return State(truth, belief)
 
     @property
@@ -432,14 +433,20 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         """Elements of a state."""
         return 4
 
+    @property
+    def lost_beyond(self) -> float:
+        """Width of the beam in the middle of the region, m: a beam that points at the estimate misses the target."""
+        return math.radians(self.beam_width) * 0.5 * (self.nearest + self.farthest)
+
     def state_info(self, state: State) -> dict[str, Array]:
         """Figures by truth, evaluated every ``sample`` seconds and held in between.
 
         For each slot: ``present`` (a confirmed track of a present target), and of these ``position_error`` (m),
         ``position_variance`` (m^2) and ``nees``. For all: ``gospa`` (m) of the reported tracks; ``lost``, the number of
-        targets that have lost their confirmed track; ``false_tracks``, confirmed tracks of no target; ``targets``, the
-        number present; ``confirm_delay`` (s), mean time from arrival to the first confirmed track so far, over targets
-        without a track at the start. For the dwell: ``duration`` (s), and whether it was ``replaced`` by a wait.
+        targets lost (after five samples astray in a row, in place of steps); ``false_tracks``, confirmed tracks of no
+        target; ``targets``, the number present; ``confirm_delay`` (s), mean time from arrival to the first confirmed
+        track so far, over targets without a track at the start. For the dwell: ``duration`` (s), and whether it was
+        ``replaced`` by a wait.
         """
         truth, belief = state
         known = truth.confirmed > 0.0  # no NaN, and no track from the beginning
@@ -451,7 +458,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             "nees": truth.nees.copy(),
             "present": truth.present.copy(),
             "gospa": truth.gospa.copy(),
-            "lost": truth.lost.copy(),
+            "lost": (truth.astray >= LOST_AFTER).sum(axis=1),
             "false_tracks": truth.false.copy(),
             "targets": truth.here.sum(axis=1),
             "replaced": truth.replaced.copy(),

@@ -466,12 +466,11 @@ def unfold(x, P, z, R, settings, scene, u, part, nn):
 
 
 @kernel
-def figures(step, mean, P, truth, unseen, share, stay, come_and_go, threshold, longest, values, flags, below, nn):
+def figures(step, mean, P, truth, share, stay, come_and_go, threshold, values, present, below, nn):
     """The figures of a state: values (3, e, t) of ``track_errors_one``, 0 for a target that is not in the scene.
 
-    flags (2, e, t): whether a target is lost (nothing received for more than ``longest`` steps), and whether it is in
-    the scene. All targets are in the scene unless they ``come_and_go``. below (e,): whether ``share``, the least
-    information of any target in the scene, is below the threshold.
+    present (e, t): whether a target is in the scene, as all are unless they ``come_and_go``. below (e,): whether
+    ``share``, the least information of any target in the scene, is below the threshold.
     """
     L, d = np.empty((len(nn), len(nn))), np.empty(len(nn))
     for e in range(mean.shape[0]):
@@ -479,7 +478,7 @@ def figures(step, mean, P, truth, unseen, share, stay, come_and_go, threshold, l
         for t in range(mean.shape[1]):
             track_errors_one(e, t, mean, P, truth, L, d, values, nn)
             here = not come_and_go or is_here(t, step[e], stay)
-            flags[0, e, t], flags[1, e, t], some = unseen[e, t] > longest, here, some or here
+            present[e, t], some = here, some or here
             if not here:
                 values[:, e, t] = 0.0
         below[e] = some and step[e] > 0 and share[e] < threshold

@@ -46,9 +46,9 @@ from wavegym.systems.rf_eo.state import (
     presence_fields,
 )
 from wavegym.trackers.protocol import Estimate, MeasurementModel, Scan, Tracker, begin_track, check_kept, of_targets
+from wavegym.waveforms import SPEED_OF_LIGHT
 
 NN = (0, 0, 0, 0)  # the state [x xdot y ydot], as kernels take its size
-LOST_AFTER = 10  # steps without any measurement
 # Sets of range, range-rate and azimuth that a platform may receive together, (7, 3) bool. All three come first.
 TOGETHER = np.array(list(product((True, False), repeat=3))[:-1])
 
@@ -110,6 +110,11 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
     chooses_prf = True
 
     nees_dimension = 4  # position and velocity
+
+    @property
+    def lost_beyond(self) -> float:
+        """Half the range interval of the highest PRF, m: a prediction farther off takes a range for that of another."""
+        return 0.25 * SPEED_OF_LIGHT / self.prf[1]
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
@@ -360,29 +365,28 @@ class RfEo(PlatformScenario, DecisionMakers, TimedPulses):
     def state_info(self, state: State) -> dict[str, Array]:
         """Figures of each target and of the last settings.
 
-        For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4), ``received``
-        (number of quantities measured in this step) and ``lost`` (nothing received for more than ten steps). If targets
-        come and go, also ``present``; the figures of an absent target are 0. For the settings: ``information``, the
-        minimum predicted weighted information over the targets in the scene, and ``below_threshold``. Before the first
-        choice, or without a target in the scene, they are 0 and False.
+        For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4) and ``received``
+        (number of quantities measured in this step). If targets come and go, also ``present``; the figures of an absent
+        target are 0. For the settings: ``information``, the minimum predicted weighted information over the targets in
+        the scene, and ``below_threshold``. Before the first choice, or without a target in the scene, they are 0 and
+        False.
         """
         truth, belief = state
-        values, flags = np.empty((3, *truth.unseen.shape)), np.empty((2, *truth.unseen.shape), np.bool_)
+        values, present = np.empty((3, *truth.unseen.shape)), np.empty(truth.unseen.shape, np.bool_)
         below = np.empty(len(belief.step), np.bool_)
         kernels.figures(
-            belief.step, belief.mean, belief.covariance, truth.targets, truth.unseen, truth.share, self._stay,
-            self._come_and_go, self.threshold, LOST_AFTER, values, flags, below, NN
+            belief.step, belief.mean, belief.covariance, truth.targets, truth.share, self._stay, self._come_and_go,
+            self.threshold, values, present, below, NN
         )  # fmt: skip
         figures = {
             "position_error": values[0],
             "position_variance": values[1],
             "nees": values[2],
             "received": truth.received.copy(),
-            "lost": flags[0],
             "information": truth.share.copy(),
             "below_threshold": below,
         }
-        return {**figures, "present": flags[1]} if self._come_and_go else figures
+        return {**figures, "present": present} if self._come_and_go else figures
 
 
 def _believed(step: Array, estimate: Estimate, looks: Array) -> Belief:

@@ -282,13 +282,11 @@ class SectorSetup(LookSystem):
     def state_info(self, state: State) -> dict[str, Array]:
         """Figures of each target and of the step.
 
-        For each target: ``position_error`` (m), ``position_variance`` (m^2), ``nees`` (expected: 4) and ``lost`` (the
-        error exceeds half the width of the illuminated sector). For the step: ``detections`` (number of receivers that
-        detected the target) and ``dead`` (no pulse was sent).
+        For each target: ``position_error`` (m), ``position_variance`` (m^2) and ``nees`` (expected: 4). For the step:
+        ``detections`` (number of receivers that detected the target) and ``dead`` (no pulse was sent).
         """
-        errors = self._errors(state)
-        lost = errors["position_error"] > self.lost_beyond
-        return {**errors, "lost": lost, "detections": state.truth.detections.copy(), "dead": state.truth.silent.copy()}
+        truth = state.truth
+        return {**self._errors(state), "detections": truth.detections.copy(), "dead": truth.silent.copy()}
 
 
 def _bistatic(transmitter: Array, receiver: Array) -> MeasurementModel:

@@ -289,15 +289,12 @@ def squared_error(e, t, s, targets, mean, covariance, off):
 
 
 @kernel
-def figures(
-    step, x, P, mu, status, targets, present, number, direct, within, values, flags, counts, sure, places, nn, mm
-):
+def figures(step, x, P, mu, status, targets, present, number, within, values, held, counts, sure, places, nn, mm):
     """Fill the figures of targets, the counts of a scan, the flags of confirmed tracks and their places.
 
-    targets (e, t, n), present (e, t), number (e, pair): the truth. direct (scan, t): whether the direct paths are
-    visible. within: greatest distance at which a track holds a target, m. values (3, e, t): position error, position
-    variance and NEES; flags (2, e, t): held and lost; counts (4, e): confirmed, false and tentative tracks,
-    measurements; sure (e, s); places (e, s, 2): x and y of confirmed tracks, otherwise 0.
+    targets (e, t, n), present (e, t), number (e, pair): the truth. within: greatest distance at which a track holds a
+    target, m. values (3, e, t): position error, position variance and NEES; held (e, t); counts (4, e): confirmed,
+    false and tentative tracks, measurements; sure (e, s); places (e, s, 2): x and y of confirmed tracks, otherwise 0.
     """
     slots, n = mu.shape[1], len(nn)
     mean, covariance, off = np.empty((slots, n)), np.empty((slots, n, n)), np.empty(4)
@@ -315,9 +312,8 @@ def figures(
         counts[3, e] = number[e].sum()
         for t in range(targets.shape[1]):
             least, near = nearest_one(e, t, targets, sure, mean)
-            held = present[e, t] and least <= within
-            flags[0, e, t], flags[1, e, t] = held, direct[step[e], t] and not held
+            held[e, t] = present[e, t] and least <= within
             values[0, e, t], values[1, e, t], values[2, e, t] = min(least, within) if present[e, t] else 0.0, 0.0, 0.0
-            if held:
+            if held[e, t]:
                 values[1, e, t] = covariance[near, 0, 0] + covariance[near, 1, 1]
                 values[2, e, t] = squared_error(e, t, near, targets, mean, covariance, off)

@@ -160,16 +160,16 @@ def urban_fields(slots: int, models: tuple[str, ...], reach: float) -> tuple[Obs
     return tuple(listed)
 
 
-def urban_info(state: State, direct: Array) -> dict[str, Array]:
-    """See ``Urban.state_info``; direct (scan, target): whether both direct paths to a target are visible."""
+def urban_info(state: State) -> dict[str, Array]:
+    """See ``Urban.state_info``."""
     truth, belief = state
-    values, flags = np.empty((3, *truth.present.shape)), np.empty((2, *truth.present.shape), np.bool_)
+    values, held = np.empty((3, *truth.present.shape)), np.empty(truth.present.shape, np.bool_)
     counts, sure = np.empty((4, len(belief.step)), np.int64), np.empty(belief.status.shape, np.bool_)
     places = np.empty((*sure.shape, 2))
     sizes = (0,) * belief.x.shape[3], (0,) * belief.x.shape[2]
     kernels.figures(
-        belief.step, belief.x, belief.P, belief.mu, belief.status, truth.targets, truth.present, truth.number, direct,
-        HELD_WITHIN, values, flags, counts, sure, places, *sizes
+        belief.step, belief.x, belief.P, belief.mu, belief.status, truth.targets, truth.present, truth.number,
+        HELD_WITHIN, values, held, counts, sure, places, *sizes
     )  # fmt: skip
     distance = np.empty((len(sure), 4))
     there = for_kernel(truth.targets[..., :2])
@@ -178,9 +178,8 @@ def urban_info(state: State, direct: Array) -> dict[str, Array]:
         "position_error": values[0],
         "position_variance": values[1],
         "nees": values[2],
-        "present": flags[0],
-        "held": flags[0],
-        "lost": flags[1],
+        "present": held,
+        "held": held,
         "confirmed": counts[0],
         "false": counts[1],
         "tentative": counts[2],

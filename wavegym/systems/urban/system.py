@@ -29,6 +29,7 @@ from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.systems.urban import kernels
 from wavegym.systems.urban.receivers import UrbanReceivers
 from wavegym.systems.urban.state import (
+    HELD_WITHIN,
     Belief,
     Measurements,
     Scene,
@@ -201,6 +202,7 @@ class Urban(System, DecisionMakers, TimedPulses):
     )
 
     nees_dimension = 4  # position and velocity
+    lost_beyond = HELD_WITHIN  # farther away a confirmed track does not hold the target
 
     def __post_init__(self) -> None:
         """Check several fields together."""
@@ -465,11 +467,11 @@ class Urban(System, DecisionMakers, TimedPulses):
 
         For each target: ``held`` (a confirmed track is within 20 m), ``position_error`` of the nearest track (20 m if
         not held, 0 while the target is absent), its ``position_variance`` (m^2) and ``nees`` (expected: 4), ``present``
-        (equal to ``held``, because evaluations average over these targets) and ``lost`` (both direct paths are visible,
-        but the target is not held). For the scan: the numbers of ``confirmed``, ``false`` and ``tentative`` tracks, of
-        ``refused`` tracks (new ones without a free slot) and of ``measurements``, and ``gospa`` (m, cutoff 20 m).
+        (equal to ``held``, because evaluations average over these targets). For the scan: the numbers of ``confirmed``,
+        ``false`` and ``tentative`` tracks, of ``refused`` tracks (new ones without a free slot) and of
+        ``measurements``, and ``gospa`` (m, cutoff 20 m).
         """
-        return urban_info(state, self.truth_model.scene.direct)
+        return urban_info(state)
 
 
 @system_parameters

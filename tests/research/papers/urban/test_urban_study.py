@@ -74,6 +74,7 @@ def test_runs_are_those_of_the_system(urban_study, case):
         np.testing.assert_array_equal(runs.action[:, k], action)
         state = loop.transition(state, action, worlds)
         reported, (x, _) = loop.state_info(state), Tracks(*state.belief[1:]).combined()
+        reported["lost"] = loop.scene.direct[k + 1] & ~reported["held"]
         names = ("confirmed", "false", "held", "position_error", "lost", "gospa")
         for name, kept in zip(names, runs[:6], strict=True):
             np.testing.assert_array_equal(kept[:, k], reported[name])
