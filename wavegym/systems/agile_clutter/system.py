@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -69,36 +68,34 @@ class GivenTracker:
     tracker: Tracker
     motion: MotionModel
     targets: tuple[Array, int]
-    radar: tuple[Any, ...]
+    radar: kernels.Radar
 
-    def follow(self, belief: Any, pulse: tuple[Array, ...], measurements: Any) -> Any:
+    def follow(self, belief: Any, pulse: Pulse, measurements: Any) -> Any:
         """The belief one step later: one update for each sensor; targets that it cannot detect keep their estimate."""
         step, (births, lifetime) = belief.step, self.targets
         is_here = (births < step[:, None] + 1) & (step[:, None] + 1 <= births + lifetime)
         before = Estimate(belief.mean, belief.covariance, *(belief.hypotheses or ()))
         now = check_kept(self.tracker, before, self.tracker.predict(before, self.motion))
         now = of_targets(is_here, now, before)
-        for i in range(len(self.radar[0])):
+        for i in range(len(self.radar.sensors)):
             is_lit, scan = self._scan(i, now, step, pulse, measurements)
             now = of_targets(is_lit, check_kept(self.tracker, now, self.tracker.update(now, scan)), now)
         mean = np.where((births == step[:, None] + 1)[..., None], measurements.first, now.mean)
         return belief._replace(step=step + 1, mean=mean, covariance=now.covariance, hypotheses=_kept(now))
 
-    def _scan(
-        self, i: int, now: Estimate, step: Array, pulse: tuple[Array, ...], measurements: Any
-    ) -> tuple[Array, Scan]:
+    def _scan(self, i: int, now: Estimate, step: Array, pulse: Pulse, measurements: Any) -> tuple[Array, Scan]:
         """Which targets sensor i may detect, (env, target) bool, and its scan, for a tracker that believes ``now``."""
-        sensors, density = self.radar[0], self.radar[4]
         lit, pd = np.empty(now.mean.shape[:2], np.bool_), np.empty(now.mean.shape[:2])
         noise = np.empty((*pd.shape, 2, 2))
         kernels.assume(i, step, now.mean, now.covariance, pulse, self.targets, self.radar, lit, noise, pd, NN)
         z, present = measurements.z[:, i], measurements.present[:, i]
         R = np.empty((*z.shape, 2))
         kernels.noise_of_returns(i, for_kernel(z), pulse, self.radar, R)
-        place = sensors[i]
+        place, density = self.radar.sensors[i], np.empty(len(step))
+        kernels.densities(i, pulse, self.radar, density)
         model = MeasurementModel(lambda x: range_and_rate(x, place), lambda x: range_and_rate_jacobian(x, place))
         origin = np.full(present.shape, UNKNOWN)
-        return lit, Scan(z, present, origin, R, model, pd, noise, max(density, kernels.LEAST_DENSITY))
+        return lit, Scan(z, present, origin, R, model, pd, noise, density)
 
 
 def _kept(estimate: Estimate) -> Kept | None:
@@ -180,7 +177,6 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         return World(
             rng.standard_normal((S, 4)),
             rng.standard_normal((S, self.lifetime, 4)),
-            rng.random((H, sensors, S)),
             rng.standard_normal((H, sensors, S, 2)),
             np.asarray(rng.integers(2**64, dtype=np.uint64)),
         )
@@ -245,8 +241,8 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         outside, scan = np.zeros((len(step), targets), np.int64), np.zeros((len(step), 2))
         mixtures = kernel_hypotheses(belief.hypotheses)[1]
         found = kernels.measure(
-            *belief[:3], mixtures, trees.tree_map(np.empty_like, mixtures), truth.targets, world.detection, world.error,
-            world.key, pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model, self._radar,
+            *belief[:3], mixtures, trees.tree_map(np.empty_like, mixtures), truth.targets, world.error, world.key,
+            pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model, self._radar,
             count, outside, scan, NN
         )  # fmt: skip
         self._check_clutter_of_step(step, scan)
@@ -303,13 +299,13 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         after = self._predict_pulse(many, pulse.rows(shape), outcome)
         return trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), after) if several else after
 
-    def _predict_pulse(self, belief: Any, pulse: Sequence[Array], draws: Array | None) -> Belief:
+    def _predict_pulse(self, belief: Any, pulse: Pulse, draws: Array | None) -> Belief:
         """``predict`` with any pulse and draws, all with one flat axis: for systems that add a resource."""
         draws = -self._full_illumination[1][0] if draws is None else for_kernel(draws)  # negative: expected
         step, mean, covariance = map(for_kernel, belief[:3])
         x, P = np.empty(mean.shape), np.empty(covariance.shape)
         prediction.predict(
-            step, mean, covariance, tuple(pulse), draws, self._targets, *self._model, self._radar, reduction_table(),
+            step, mean, covariance, pulse, draws, self._targets, *self._model, self._radar, reduction_table(),
             x, P, NN
         )  # fmt: skip
         return Belief(step + 1, x, P, None)
@@ -317,7 +313,9 @@ class AgileClutter(ClutterScenario, DecisionMakers):
     def pulse(self, belief: Belief, actions: Array) -> Pulse:
         """The pulses of ``actions`` (env or 1, candidate, ...): here every sensor illuminates all targets."""
         pulses = self.action_set
-        return Pulse(pulses.unit_covariance(actions), *self._full_illumination, *pulses.windows(actions))
+        return Pulse(
+            pulses.unit_covariance(actions), *self._full_illumination, pulses.alarms(actions), *pulses.windows(actions)
+        )
 
     @cached_property
     def _full_illumination(self) -> tuple[Array, Array]:
