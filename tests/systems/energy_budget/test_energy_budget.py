@@ -74,9 +74,9 @@ def test_energy_is_conserved_in_every_random_step(kind):
 
 
 def test_occluded_nothing_is_seen_and_all_energy_is_lost():
-    system = EnergyBudget()
+    system = EnergyBudget(reference_range=1e6)  # detects every clear target
     worlds = oracles.worlds(system, 5, 2)
-    worlds = worlds._replace(occlusion=np.ones_like(worlds.occlusion), detection=np.zeros_like(worlds.detection))
+    worlds = worlds._replace(occlusion=np.ones_like(worlds.occlusion))
     start = system.initial(worlds)
     loud, quiet = (system.transition(start, np.full(5, action), worlds) for action in (15, 0))
     np.testing.assert_array_equal(loud.belief.covariance, quiet.belief.covariance)
