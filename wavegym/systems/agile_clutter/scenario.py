@@ -199,10 +199,18 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
             raise InputError(f"{several[0]} is given with action='box', expected action='library' or 'joint'")
         if len(several) > 1:
             raise InputError("false_alarms and alarm_density are given, expected one of the two")
+        if several and self.false_alarm != type(self).false_alarm:
+            given = f"false_alarm is {self.false_alarm!r} with {several[0]}="
+            raise InputError(f"{given}, expected one of the two: it takes the place of false_alarm")
         if len(set(self.false_alarms)) < len(self.false_alarms):
             raise InputError(f"false_alarms is {self.false_alarms}, expected each probability once")
         if self.snr_law == "printed" and self.fluctuation != "swerling1":
             raise InputError(f"fluctuation is {self.fluctuation!r} with snr_law='printed', expected 'swerling1'")
+        if self.alarm_density:
+            most = float(f"{false_return_density(self.action_set.sensor_covariances, LOWEST_THRESHOLD).min():.3g}")
+            if self.alarm_density > most:
+                wanted = f"at most {most:g} (nearest), beyond which the noise peaks of the coarsest waveform merge"
+                raise InputError(f"alarm_density is {self.alarm_density:g} s/m^2, expected {wanted}")
         most = float(f"{math.exp(-LOWEST_THRESHOLD):.3g}")
         for alarm in () if self.snr_law == "printed" else self.false_alarms or (self.false_alarm,):
             if alarm > most:
