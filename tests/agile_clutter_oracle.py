@@ -200,7 +200,7 @@ def jpda(system, scan, x, P, z, S, G, pd, here, false):
 
 
 def echo_key(system, world, e, k, i, t):
-    """Key of the draws of target t's echo at sensor i in step k; clutter and particles have the sensors' keys before."""
+    """Key of the draws of target t's echo at sensor i in step k; clutter and particles have the keys before."""
     of_step = np.uint64(stream(world.key[e], k))
     return np.uint64(stream(np.uint64(stream(of_step, 2 * len(system.sensors) + 1 + i)), t))
 

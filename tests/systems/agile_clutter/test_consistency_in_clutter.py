@@ -4,9 +4,9 @@ The NEES of a mixture has the mean 4, as that of a Gaussian, but is no chi-squar
 is true gives a large value. The bounds of a step are those of states drawn from the beliefs themselves.
 
 The tracker knows the covariance of a steady echo's errors. Of a fading echo it knows the mean covariance, to which weak
-echoes with rare, large errors contribute most. If all returns were used, the mean NEES would be 4 all the same. A return
-far from its prediction is taken as a false one, and the errors of the others are smaller than believed: the NEES is
-below 4.
+echoes with rare, large errors contribute most. If all returns were used, the mean NEES would be 4 all the same. But a
+return far from its prediction is taken as a false one. The errors of the others are smaller than believed, so the NEES
+is below 4.
 """
 
 from __future__ import annotations

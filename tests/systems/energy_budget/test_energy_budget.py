@@ -137,9 +137,7 @@ def test_the_observation_shows_the_belief_of_a_planner(kind):
     system = kind()
     played = states(system, oracles.worlds(system, 6, 9), at_random(system, 9))
     names = [element.name for element in system.observation_fields]
-    eta = [
-        plain.snr(system, plain.measure(played[0].belief.mean[0, 0], np.array(s))[0]) for s in system.sensors
-    ]
+    eta = [plain.snr(system, plain.measure(played[0].belief.mean[0, 0], np.array(s))[0]) for s in system.sensors]
     first = dict(zip(names, system.observe(played[0].belief)[0], strict=True))
     np.testing.assert_allclose([first["snr_1_1"], first["snr_1_2"]], 10 * np.log10(eta), atol=0.2)
     for k, state in enumerate(played):

@@ -207,9 +207,9 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         if self.snr_law == "printed" and self.fluctuation != "swerling1":
             raise InputError(f"fluctuation is {self.fluctuation!r} with snr_law='printed', expected 'swerling1'")
         if self.alarm_density:
-            most = float(f"{false_return_density(self.action_set.sensor_covariances, LOWEST_THRESHOLD).min():.3g}")
-            if self.alarm_density > most:
-                wanted = f"at most {most:g} (nearest), beyond which the noise peaks of the coarsest waveform merge"
+            greatest = float(false_return_density(self.action_set.sensor_covariances, LOWEST_THRESHOLD).min())
+            if self.alarm_density > greatest:
+                wanted = f"at most {greatest:.6g}: beyond it the noise peaks of the coarsest waveform merge"
                 raise InputError(f"alarm_density is {self.alarm_density:g} s/m^2, expected {wanted}")
         most = float(f"{math.exp(-LOWEST_THRESHOLD):.3g}")
         for alarm in () if self.snr_law == "printed" else self.false_alarms or (self.false_alarm,):

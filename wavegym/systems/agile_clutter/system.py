@@ -110,15 +110,26 @@ class AgileClutter(ClutterScenario, DecisionMakers):
 
     Description
         Each target's state is [x y xdot ydot] (m, m/s). It moves as x_k = F x_{k-1} + w_k with white acceleration of
-        density q (eqs. 1 and 2). Sensor i measures range and range-rate of every target with covariance N = C / eta
-        (section 3.2). C is the inverse Fisher information of its chirp at unit SNR, and eta = (r0 / r)^4. A target is
-        detected with probability Pd = Pf^(1 / (1 + eta)). The world uses eta at the true range, tracker and schedulers
-        at the predicted range. Long, wide chirps measure best; phase functions differ in the correlation of range and
-        range-rate errors.
+        density q (eqs. 1 and 2). Sensor i measures range and range-rate of every target. C is the inverse Fisher
+        information of its chirp at unit SNR (section 3.2). Long, wide chirps measure best; phase functions differ in
+        the correlation of range and range-rate errors.
 
-        Clutter is a Poisson field over range and range-rate, new at every step and sensor, and the same for all pulses
-        and trackers. The tracker uses the returns inside its validation gates. A pulse with large errors has large
-        gates, so it also admits more clutter.
+        The echo's mean SNR is eta = 2E/N0 = (r0 / r)^4. Its realised SNR fluctuates from step to step
+        (``fluctuation``). The target is detected if the receiver's output, with noise, exceeds T = -ln Pf; the receiver
+        takes the greatest value over delay and Doppler about the echo. The errors have covariance C / max(realised eta,
+        1). The tracker and the schedulers know only the mean: they assume Pd and the mean covariance of detected
+        echoes, at the predicted range. Weak echoes have rare, large errors, and the tracker often takes such a return
+        for a false one. With ``snr_law="printed"``, Pd = Pf^(1 / (1 + eta)), the errors are those of the mean eta, and
+        noise has no false returns, as in the paper.
+
+        False returns are a Poisson field over range and range-rate, new at every step and sensor. Other clutter has
+        ``clutter_density`` with all pulses. Noise has (2 T - 1) exp(-T) / (2 pi sqrt(det C)) peaks per m and m/s: a
+        finer pulse has more resolution cells. The tracker uses the returns inside its validation gates. A pulse with
+        large errors has large gates, so it also admits more clutter.
+
+        A lower threshold detects weaker echoes and more noise. With ``false_alarms`` a sensor chooses its threshold
+        with its waveform (Hong et al.). With ``alarm_density`` every waveform has the threshold that gives this density
+        of false returns of noise.
 
         A receiver is off while its own radar transmits (``eclipsing``). Of an echo that arrives earlier it receives
         only the last part, through a gate fixed in time, with less SNR and information. An echo with less than 2 % of
@@ -148,6 +159,9 @@ class AgileClutter(ClutterScenario, DecisionMakers):
     References
         S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
         targets in clutter".
+
+        S.-M. Hong, R. J. Evans and H.-S. Shin, "Optimization of waveform and detection threshold for range and
+        range-rate tracking in clutter", IEEE Trans. Aerosp. Electron. Syst. 41(1), 2005.
     """
 
     # Whether returns outside their gates and clutter points count at every sensor, as in the paper, or only at the
@@ -360,11 +374,11 @@ class AgileClutter(ClutterScenario, DecisionMakers):
 
     def state_info(self, state: State) -> dict[str, Array]:
         """For each target, 0 unless ``present``: ``position_error`` (m), ``position_variance`` (m^2), ``squared_error``
-        (m^2, weighted with Lambda), ``nees`` (expected: 4) and ``lost`` (more than five returns have fallen outside its
-        gates at the first sensor of a step that illuminates it). For the step: ``detections``, and ``clutter`` points
-        inside the gates of targets that no earlier sensor has illuminated. With ``tracker="particle"``: ``ess`` and
-        ``ancestors``, effective sample size and distinct ancestors as shares of the particles. With
-        ``tracker="mixture"``: the ``components`` in use for each target.
+        (m^2, weighted with Lambda), ``nees`` (4 for steady echoes, below for fading ones) and ``lost`` (more than five
+        returns have fallen outside its gates at the first sensor of a step that illuminates it). For the step:
+        ``detections``, and ``clutter`` points inside the gates of targets that no earlier sensor has illuminated. With
+        ``tracker="particle"``: ``ess`` and ``ancestors``, effective sample size and distinct ancestors as shares of the
+        particles. With ``tracker="mixture"``: the ``components`` in use for each target.
         """
         truth, belief = state
         values, flags = np.empty((4, *truth.outside.shape)), np.empty((2, *truth.outside.shape), np.bool_)

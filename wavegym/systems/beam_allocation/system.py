@@ -150,7 +150,8 @@ class BeamAllocation(AgileClutter):
         The receivers' memory limits the product of bandwidth and dwell. A single wide chirp measures range well; a
         coherent train of eight narrow pulses of the same energy measures range-rate well. The train's range-rates fold,
         but every fold lies outside the gates. A return therefore has one meaning, and the tracker needs no fold
-        hypotheses. Every pulse ends before the nearest echo arrives.
+        hypotheses. Every pulse ends before the nearest echo arrives. Echoes fluctuate and noise has false returns as in
+        wavegym/AgileClutter-v0; a train is one look at one realised SNR.
 
         Hills on the map hide targets at times known in advance. A beam at a hidden target receives no return and opens
         no gate. For the cost one step ahead, the range of the least certain target matters most. Over several steps,

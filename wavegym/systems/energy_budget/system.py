@@ -35,8 +35,8 @@ class EnergyBudget(AgileClutter):
 
     Description
         As wavegym/AgileClutter-v0 with one target, which is weaker and manoeuvres. Each radar is silent or sends one of
-        three durations of one chirp at constant peak power. SNR, detection probability and energy grow with the
-        duration.
+        three durations of one chirp at constant peak power. Mean SNR, detection probability and energy grow with the
+        duration. Echoes fluctuate and noise has false returns as there, at one threshold for all durations.
 
         The longest pulse costs 1. Both radars share one energy account of ``budget`` a step, far less than they could
         use; unspent energy is kept. The mask excludes actions that the account cannot pay. If such an action is taken,
