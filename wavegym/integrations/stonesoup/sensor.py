@@ -215,7 +215,10 @@ class WaveformRadar(Sensor):
         return self._model(self.law.covariance(states, self.pulses.pulse(np.array(self.waveform)))[0])
 
     def snr(self, state: Any) -> float:
-        """Eta of a state without the eclipsed part: the covariance is smaller by this factor than at unit SNR."""
+        """Eta of a state without the eclipsed part: the covariance is smaller by this factor than at unit SNR.
+
+        In clutter, where errors have the realised SNR, it is the effective eta of detected echoes.
+        """
         return float(self.measurement_model.noise_covar[0, 0] / self.model_at(state).noise_covar[0, 0])
 
     def _model(self, R: Array) -> WaveformMeasurement:
