@@ -1,4 +1,8 @@
-"""One step of the agile-clutter loop in plain NumPy, from the paper's equations; the draws of clutter are shared."""
+"""One step of the agile-clutter loop in plain NumPy, from the paper's equations and the law of a realised echo.
+
+The draws of clutter and of realised echoes are shared with the package. Pd, the effective SNR and the density of false
+returns are not: the first two come from the mixture of gamma laws, and the package interpolates tables of them.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,9 @@ import numpy as np
 
 from tests.oracles import C as LIGHT
 from wavegym.core.counter_rng_kernels import stream
+from wavegym.sensors import detection_probability, echo_law, mean_inverse_detected_snr
 from wavegym.sensors.clutter_kernels import add_clutter
+from wavegym.sensors.detection_kernels import received_snr
 from wavegym.trackers import information_reduction
 
 LAWS = {  # frequency at the fraction u of the pulse, per sweep (Table 1, mended)
@@ -64,10 +70,33 @@ def unscented(x, P, site):
     return z, (images - z).T @ (images - z) / (2 * n), (points - x).T @ (images - z) / (2 * n)
 
 
-def strength(system, r):
-    """(eta, Pd) at range r: the range law, and Pd as the paper prints it."""
-    eta = (system.reference_range / max(r, system.nearest_range)) ** 4
-    return eta, system.false_alarm ** (1 / (1 + eta))
+def snr(system, r):
+    """eta at range r."""
+    return (system.reference_range / max(r, system.nearest_range)) ** 4
+
+
+def assumed(system, eta):
+    """(Pd, SNR of the mean covariance of a detected echo), as a tracker assumes them of a mean SNR."""
+    if system.snr_law == "printed":
+        return system.false_alarm ** (1 / (1 + eta)), eta
+    law = eta, system.false_alarm, system.fluctuation
+    return detection_probability(*law, searched=2), 1 / mean_inverse_detected_snr(*law, searched=2, least=1)
+
+
+def realised(system, eta, key):
+    """SNR of the echo that the world draws, 0 if it is not detected."""
+    if system.snr_law == "printed":
+        law = echo_law((system.false_alarm,), energy=1.0, realised=False)
+    else:
+        law = echo_law((system.false_alarm,), system.fluctuation, 2)
+    return received_snr(eta, 0, key, law)
+
+
+def density(system, C):
+    """False returns per m and m/s: clutter, and (2 T - 1) Pf peaks of noise in 2 pi sqrt(det C) of the sent pulse."""
+    whole = C(1e6)[1] if callable(C) else C
+    peaks = (2 * np.log(1 / system.false_alarm) - 1) * system.false_alarm / (2 * np.pi * np.sqrt(np.linalg.det(whole)))
+    return system.clutter_density + (0.0 if system.snr_law == "printed" else peaks)
 
 
 def marginals(W):
@@ -115,20 +144,26 @@ def predicted(system, k, mean, covariance):
     return x, P
 
 
+def visible(C, r):
+    """(share of the energy, C at unit SNR of the whole pulse) of a pulse's echo from range r; see ``seen``."""
+    share, own = C(r) if callable(C) else (1.0, C)
+    return (share, own) if share >= 0.02 else (0.0, own)
+
+
 def seen(system, C, r):
     """(N, Pd) of a pulse's echo from range r; N is None where less than 2 % of its energy is visible.
 
     C (2, 2) at unit SNR, of a pulse that is never cut; or C(r), the visible share and C at unit SNR of the whole pulse.
     """
-    share, own = C(r) if callable(C) else (1.0, C)
-    eta, whole = strength(system, r)
-    if share == 1.0:
-        return own / eta, whole
-    return (own / eta, system.false_alarm ** (1 / (1 + share * eta))) if share >= 0.02 else (None, 0.0)
+    share, own = visible(C, r)
+    if share == 0.0:
+        return None, 0.0
+    pd, effective = assumed(system, share * snr(system, r))
+    return own * share / effective, pd
 
 
 def expected_scan(system, site, C, x, P, here):
-    """Per target: predicted measurement, S = Pzz + C / eta and Pd at the predicted range, cross-covariance.
+    """Per target: predicted measurement, S = Pzz + N and Pd at the predicted range, cross-covariance.
 
     ``here`` no longer has the targets whose echo is predicted to be cut away.
     """
@@ -147,14 +182,14 @@ def distances(points, centre, S):
     return np.einsum("ij,ij->i", v, np.linalg.solve(S, v.T).T)
 
 
-def jpda(system, scan, x, P, z, S, G, pd, here):
-    """The JPDA update of the targets present with the scan (m, 2)."""
+def jpda(system, scan, x, P, z, S, G, pd, here, false):
+    """The JPDA update of the targets present with the scan (m, 2), at the density ``false`` of false returns."""
     slots = np.flatnonzero(here)
     share = 1 - np.exp(-(system.gate**2) / 2)
     W = np.empty((len(slots), len(scan) + 1))
     for row, t in enumerate(slots):
         squared = distances(scan, z[t], S[t])
-        peak = pd[t] / (2 * np.pi * np.sqrt(np.linalg.det(S[t])) * system.clutter_density)
+        peak = pd[t] / (2 * np.pi * np.sqrt(np.linalg.det(S[t])) * false)
         W[row] = [1 - pd[t] * share, *np.where(squared <= system.gate**2, peak * np.exp(-squared / 2), 0.0)]
     for t, beta in zip(slots, marginals(W), strict=True):
         K, v = np.linalg.solve(S[t], G[t].T).T, scan - z[t]
@@ -162,6 +197,20 @@ def jpda(system, scan, x, P, z, S, G, pd, here):
         spread = (beta[1:, None] * v).T @ v - np.outer(mean, mean)
         x[t] = x[t] + K @ mean
         P[t] = P[t] - (1 - beta[0]) * K @ S[t] @ K.T + K @ spread @ K.T
+
+
+def echo_key(system, world, e, k, i, t):
+    """Key of the draws of target t's echo at sensor i in step k; clutter and particles have the keys before."""
+    of_step = np.uint64(stream(world.key[e], k))
+    return np.uint64(stream(np.uint64(stream(of_step, 2 * len(system.sensors) + 1 + i)), t))
+
+
+def false_returns(system, world, e, k, i, C, z, S, lit):
+    """The false returns in the gates of sensor i, (m, 2)."""
+    key = np.uint64(stream(np.uint64(stream(world.key[e], k)), i))
+    L, empty = np.linalg.cholesky(S), np.empty((64, 2))
+    false, count = add_clutter(key, z, L, lit, system.gate, density(system, C), empty, 0)
+    return false[:count]
 
 
 def received(system, world, e, k, i, site, C, truth, z, S, here, lit=None):
@@ -172,10 +221,12 @@ def received(system, world, e, k, i, site, C, truth, z, S, here, lit=None):
     scan, outside, detections, lit = [], np.zeros(len(truth), int), 0, here if lit is None else lit
     for t in np.flatnonzero(here):
         h = measure(truth[t], site)
-        N, pd = seen(system, C, h[0])
-        if world.detection[e, k - 1, i, t] < pd:
+        share, own = visible(C, h[0])
+        key = echo_key(system, world, e, k, i, t)
+        eta = realised(system, share * snr(system, h[0]), key) if share > 0.0 else 0.0
+        if eta > 0.0:
             detections += 1
-            point = h + np.linalg.cholesky(N) @ world.error[e, k - 1, i, t]
+            point = h + np.linalg.cholesky(own * share / eta) @ world.error[e, k - 1, i, t]
             inside = [lit[s] and distances(point[None], z[s], S[s])[0] <= system.gate**2 for s in range(len(truth))]
             outside[t] += lit[t] and not inside[t]
             if any(inside):
@@ -194,14 +245,12 @@ def step(system, world, e, belief, path, C):
         lit = here.copy()
         z, S, G, pd = expected_scan(system, site, C[i], x, P, lit)
         scan, found, missed = received(system, world, e, k, i, site, C[i], truth, z, S, here, lit)
-        L = np.linalg.cholesky(S)
-        key = np.uint64(stream(np.uint64(stream(world.key[e], k)), i))
-        false, count = add_clutter(key, z, L, lit, system.gate, system.clutter_density, np.empty((64, 2)), 0)
+        false = false_returns(system, world, e, k, i, C[i], z, S, lit)
         if lit.any():
-            jpda(system, np.array([*scan, *false[:count]]).reshape(-1, 2), x, P, z, S, G, pd, lit)
+            jpda(system, np.array([*scan, *false]).reshape(-1, 2), x, P, z, S, G, pd, lit, density(system, C[i]))
         detections += found
         if i == 0 or system.counts_every_sensor:  # the first one illuminates all targets
-            outside, clutter = outside + missed, clutter + count
+            outside, clutter = outside + missed, clutter + len(false)
     for t, birth in enumerate(system.births):
         if k == birth:
             x[t] = system.starts[t] + np.sqrt(system.prior_variance) * world.start[e, t]
@@ -219,7 +268,8 @@ def predicted_after(system, step, mean, covariance, C, outcome=None):
         lit = here.copy()
         _, S, G, pd = expected_scan(system, site, C[i], x, P, lit)
         for t in np.flatnonzero(lit):
-            q2 = information_reduction(pd[t], system.clutter_density * 16 * np.pi * np.sqrt(np.linalg.det(S[t])))
+            area = 16 * np.pi * np.sqrt(np.linalg.det(S[t]))
+            q2 = information_reduction(pd[t], density(system, C[i]) * area)
             if outcome is not None:
                 q2 = q2 / pd[t] if outcome[i, t] else 0.0
             P[t] = P[t] - q2 * G[t] @ np.linalg.solve(S[t], G[t].T)

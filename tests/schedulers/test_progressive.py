@@ -58,9 +58,10 @@ def test_it_finds_what_a_fine_grid_finds(beliefs):
     for belief in beliefs:
         targets = BOX.predicted_targets(belief)
         for i in range(2):
-            cost = sensor_costs(BOX, targets, i, C[None], WHOLE.repeat(len(C), 1))
+            cost = sensor_costs(BOX, targets, i, C[None], WHOLE.repeat(len(C), 1), np.zeros(len(C), int))
             if i == 0:
-                targets = after_sensor(BOX, targets, 0, C[cost.argmin(axis=1)], WHOLE[0].repeat(len(cost), 0))
+                best, count = cost.argmin(axis=1), len(cost)
+                targets = after_sensor(BOX, targets, 0, C[best], WHOLE[0].repeat(count, 0), np.zeros(count, int))
         best = cost.min(axis=1)
         found = predicted(BOX, belief, chosen(BOX, belief))
         np.testing.assert_array_less(found, best * 1.01)
@@ -83,7 +84,7 @@ def test_finer_grids_reach_to_the_neighbours_of_the_best_point():
     policy._system = SimpleNamespace(action_set=actions)
     policy._sensors = SimpleNamespace(
         begin=lambda belief: SimpleNamespace(mean=np.zeros((1, 1, 4))),
-        costs=lambda predicted, sensor, C, windows: np.log(C[..., 0, 0] / 3.2) ** 2 + (C[..., 1, 1] - 4.0) ** 2,
+        costs=lambda predicted, sensor, C, windows, alarm: np.log(C[..., 0, 0] / 3.2) ** 2 + (C[..., 1, 1] - 4.0) ** 2,
     )
     _, duration, sweep = policy.act(None, None, None)
     for found, (low, high) in zip(tried, [(1, 16), (2, 8), (2, 4)], strict=True):

@@ -311,15 +311,16 @@ class SensorBySensor(NamedTuple):
 
     Attributes:
         begin: from a belief to the targets at the time of the next pulse, before any sensor measures.
-        costs: from these targets, a sensor, C (env or 1, candidate, 2, 2) at unit SNR and receive windows (env or 1,
-            candidate, 10), as ``action_set`` gives them, to trace(Lambda P) after its pulse, (env, candidate).
-        after: from these targets, a sensor, C (env, 2, 2) and window (env, 10), to the targets after this sensor's
-            pulse.
+        costs: from these targets, a sensor, C (env or 1, candidate, 2, 2) at unit SNR, receive windows (env or 1,
+            candidate, 10) and rows of thresholds (candidate,), as ``action_set`` gives them, to trace(Lambda P) after
+            its pulse, (env, candidate).
+        after: from these targets, a sensor, C (env, 2, 2), window (env, 10) and row of the threshold (env,), to the
+            targets after this sensor's pulse.
     """
 
     begin: Callable[[Any], Any]
-    costs: Callable[[Any, int, Array, Array], Array]
-    after: Callable[[Any, int, Array, Array], Any]
+    costs: Callable[[Any, int, Array, Array, Array], Array]
+    after: Callable[[Any, int, Array, Array, Array], Any]
 
 
 @shortcut("predict", "cost")

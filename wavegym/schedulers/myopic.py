@@ -155,7 +155,7 @@ class Progressive:
             chirp, C, windows = self._search(predicted, i)
             chosen.append(chirp)
             if i + 1 < system.action_set.sensors:
-                predicted = self._sensors.after(predicted, i, C, windows)
+                predicted = self._sensors.after(predicted, i, C, windows, np.zeros(len(C), np.int64))
         law, duration, sweep = (np.stack(parts, axis=1) for parts in zip(*chosen, strict=True))
         return system.action_set.encode_chirps(law, duration, sweep)
 
@@ -181,7 +181,8 @@ class Progressive:
             C = action_set.chirp_covariance(laws, chirp[..., 0], sweeps)
             windows = action_set.chirp_windows(laws, chirp[..., 0], sweeps)
             flat = C.reshape(count, -1, 2, 2), windows.reshape(count, -1, windows.shape[-1])
-            cost = self._sensors.costs(predicted, sensor, *flat).reshape(sweeps.shape)
+            alarm = np.zeros(flat[0].shape[1], np.int64)  # boxes have one threshold
+            cost = self._sensors.costs(predicted, sensor, *flat, alarm).reshape(sweeps.shape)
             best = cost.argmin(axis=2)
             centre = np.take_along_axis(share, best[:, :, None, None], axis=2)[:, :, 0]
             reach *= 2.0 / (self.points - 1)

@@ -200,13 +200,13 @@ def _sensor_by_sensor(system: Any, at: Sample) -> str | None:
     predicted = sensors.begin(at.belief)
     C = pulses.unit_covariance(at.candidates[:1])  # (1, sensor, 2, 2)
     rows, windows = pulses.windows(at.candidates[:1])
-    windows = windows[rows]
+    windows, alarm = windows[rows], np.broadcast_to(pulses.alarms(at.candidates[:1]), rows.shape)
     want = _costs(system, at.belief, at.candidates[:1])[:, 0]
     *others, last = range(C.shape[1])
     for sensor in others:
-        each = (np.repeat(a[:, sensor], WORLDS, axis=0) for a in (C, windows))
+        each = (np.repeat(a[:, sensor], WORLDS, axis=0) for a in (C, windows, alarm))
         predicted = sensors.after(predicted, sensor, *each)
-    got = sensors.costs(predicted, last, C[None, :, last], windows[None, :, last])[:, 0]
+    got = sensors.costs(predicted, last, C[None, :, last], windows[None, :, last], alarm[:, last])[:, 0]
     return f"sensor by sensor costs {got.tolist()}, predict() {want.tolist()}" if _differ(got, want, want) else None
 
 

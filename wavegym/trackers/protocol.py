@@ -58,7 +58,7 @@ class Scan(NamedTuple):
     model: MeasurementModel
     detection: Array | None = None  # (env, target) probability of detection at the predicted range; None: origins known
     noise: Array | None = None  # (env, target, m, m) covariance of the error at the predicted range, likewise
-    clutter_density: float = 0.0  # expected false returns per unit volume of the measurements
+    clutter_density: Array | float = 0.0  # (env,) expected false returns per unit volume of the measurements
 
 
 @runtime_checkable

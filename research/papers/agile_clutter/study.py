@@ -158,7 +158,8 @@ class CountingEverySensor(AgileClutter):
 @cache
 def scene(case: Case) -> AgileClutter:
     """The closed loop that a case is played in."""
-    settings: dict[str, Any] = {"tracker": case.tracker, "clutter_density": CLUTTER[case.clutter]}
+    printed = {"snr_law": "printed"}  # the law whose figures are reproduced
+    settings: dict[str, Any] = {"tracker": case.tracker, "clutter_density": CLUTTER[case.clutter], **printed}
     if case.particles:
         settings["particles"] = case.particles
     if case.policy in AGILE:

@@ -14,6 +14,7 @@ from stonesoup.types.groundtruth import GroundTruthState
 from wavegym.core.errors import InputError
 from wavegym.integrations.stonesoup import WaveformRadar, radars_of
 from wavegym.integrations.stonesoup.simulation import START
+from wavegym.sensors import detection_probability, mean_inverse_detected_snr
 from wavegym.systems.agile_clutter import AgileClutter
 from wavegym.systems.composed import PlanarRadar, Pulses
 from wavegym.systems.energy_budget import EnergyBudget
@@ -119,15 +120,25 @@ def test_targets_are_detected_with_the_probability_of_the_law():
     np.testing.assert_array_equal(np.ravel(detection.state_vector), [20e3 + 7.0, 0.5])
 
 
-def test_agile_clutter_has_a_radar_at_each_place():
-    system = AgileClutter()
+def expected_of(snr_law, eta, alarm):
+    """Effective eta and Pd of the laws of AgileClutter."""
+    if snr_law == "printed":
+        return eta, alarm ** (1.0 / (1.0 + eta))
+    inverse = mean_inverse_detected_snr(eta, alarm, searched=2, least=1.0)
+    return 1.0 / inverse, detection_probability(eta, alarm, searched=2)
+
+
+@pytest.mark.parametrize("snr_law", ["realised", "printed"])
+def test_agile_clutter_has_a_radar_at_each_place(snr_law):
+    system = AgileClutter(snr_law=snr_law)
     radars = radars_of(system)
     np.testing.assert_array_equal([np.ravel(radar.position) for radar in radars], system.sensors)
     state = GroundTruthState(StateVector([2e3, -1e3, -100.0, 800.0]), timestamp=NEXT)
     for radar, (x, y) in zip(radars, system.sensors, strict=True):
         eta = (50e3 / np.hypot(2e3 - x, -1e3 - y)) ** 4
-        assert radar.snr(state) == pytest.approx(eta, rel=1e-12)
-        assert radar._detection(state) == pytest.approx(system.false_alarm ** (1.0 / (1.0 + eta)), rel=1e-12)
+        effective, pd = expected_of(snr_law, eta, system.false_alarm)
+        assert radar.snr(state) == pytest.approx(effective, rel=1e-12)
+        assert radar._detection(state) == pytest.approx(pd, rel=1e-12)
 
 
 @pytest.mark.parametrize("value", [-1, 56, 2.5, "lfm"])
@@ -143,6 +154,8 @@ def test_what_does_not_fit_is_refused():
         WaveformRadar(pulses, mapping=(0, 2))
     with pytest.raises(InputError, match="position has 3 elements, expected 2"):
         _ = WaveformRadar(pulses, **PLANAR, position=StateVector([0.0, 0.0, 0.0])).offset
+    with pytest.raises(InputError, match=r"system has several thresholds, expected one \(nearest: false_alarms=\(\)"):
+        radars_of(AgileClutter(false_alarms=(0.01, 0.1)))
     for system in (KershawEvans(action="box"), EnergyBudget()):
         with pytest.raises(InputError, match=f"system is {type(system).__name__}"):
             radars_of(system)

@@ -110,7 +110,7 @@ def test_every_element_of_the_observation_is_as_documented():
             for i, site in enumerate(np.array(system.sensors), start=1):
                 z, S, _ = plain.unscented(x[t - 1], p, site)
                 sigma = np.sqrt(np.diag(S))
-                want[f"snr_{t}_{i}"] = here_t and 10 * np.log10(plain.strength(system, z[0])[0])
+                want[f"snr_{t}_{i}"] = here_t and 10 * np.log10(plain.snr(system, z[0]))
                 want[f"log10_sigma_r_{t}_{i}"] = here_t and np.log10(sigma[0])
                 want[f"log10_sigma_rdot_{t}_{i}"] = here_t and np.log10(sigma[1])
                 want[f"correlation_{t}_{i}"] = here_t and S[0, 1] / sigma.prod()
@@ -133,7 +133,8 @@ def inside_bounds(nees, level):
 @pytest.mark.slow
 def test_trackers_are_consistent_without_clutter(tracker, reference):
     """Mean NEES of 200 worlds inside its 95 % bounds; steps of one target are correlated, hence 0.85 of them."""
-    system = AgileClutter(tracker=tracker, particles=50, clutter_density=0.0, reference_range=reference)
+    known = {"snr_law": "printed", "clutter_density": 0.0}  # errors are Gaussian and every return is a target's
+    system = AgileClutter(tracker=tracker, particles=50, reference_range=reference, **known)
     nees = figures(system, play(system, oracles.worlds(system, 200)), "nees")
     nees[8:11, :, 1] = 0.0  # target 2's first steps: the transform is cautious where P is still wide
     assert inside_bounds(nees[4:], 0.95) > 0.85
@@ -157,7 +158,8 @@ def test_the_belief_holds_no_estimate_before_birth(tracker):
 @pytest.mark.parametrize("tracker", TRACKERS[1:])
 def test_trackers_agree_with_jpda_without_clutter(tracker):
     """Every return has one explanation, so every hypothesis is the same unscented filter: equal but for rounding."""
-    systems = [AgileClutter(tracker=each, particles=50, clutter_density=0.0) for each in ("jpda", tracker)]
+    known = {"particles": 50, "clutter_density": 0.0, "snr_law": "printed"}
+    systems = [AgileClutter(tracker=each, **known) for each in ("jpda", tracker)]
     plays = [play(s, oracles.worlds(s, 50), at_random(s)) for s in systems]
     for k, (one, other) in enumerate(zip(*plays, strict=True)):
         d, P = one.belief.mean - other.belief.mean, one.belief.covariance

@@ -11,12 +11,14 @@ import oracles
 import pytest
 
 from wavegym.core import shortcuts, trees
+from wavegym.sensors import detection_probability
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.systems.beam_allocation.system import BeamAllocation
 from wavegym.systems.energy_budget.system import EnergyBudget
 from wavegym.testing.check import prediction_defect
 
 CARRIER = 10.4e9
+TABLES = 1e-3  # standard deviations by which the interpolated law may move estimates
 NEAR = {  # of pulses of 100 us a third to nearly all is visible, of those of 30 us all; the second target is hidden too
     "sensors": ((0.0, -10e3), (9e3, 0.0)),
     "starts": ((0.0, 0.0, -100.0, 300.0), (8.8e3, 0.05e3, 10.0, -20.0)),
@@ -25,6 +27,7 @@ NEAR = {  # of pulses of 100 us a third to nearly all is visible, of those of 30
     "horizon": 12,
     "clutter_density": 1e-6,
     "prior_variance": (4e2, 4e2, 100.0, 100.0),
+    "nearest_range": 1e3,  # eta stays within the tables of the law
 }
 WELL = {"laws": ("pfm:3", "hfm:0.5"), "durations": (30e-6, 100e-6), "sweeps": (4e6,)}
 BEAMS = {"sensors": ((0.0, -4e3), (-5e3, 0.0)), "starts": ((0.0, 1e3, 0, 0), (-3e3, -1e3, 0, 0), (1e3, -2e3, 0, 0))}
@@ -44,7 +47,7 @@ def cut(waveform):
 
 @pytest.mark.slow
 def test_transition_and_prediction_are_the_plain_loop_with_cut_echoes():
-    """Tables of the cut pulse have errors of 1e-9 and less of the whole; some echoes are whole, some cut, some gone."""
+    """Some echoes are whole, some cut, some gone. Pd and the effective eta are interpolated, hence TABLES."""
     system = AgileClutter(tracker="jpda", **NEAR, **WELL)
     worlds, rng = oracles.worlds(system, 2, seed=5), np.random.default_rng(6)
     pulses = [cut(waveform) for waveform in system.action_set.sensor_library]
@@ -56,13 +59,13 @@ def test_transition_and_prediction_are_the_plain_loop_with_cut_echoes():
         for e in range(2):
             C = [pulses[a] for a in actions[e]]
             want = plain.step(system, worlds, e, belief, state.truth.path[e], C)
-            assert oracles.covariance_distance(after.belief.covariance[e], want.covariance) < 1e-6, f"step {k + 1}"
+            assert oracles.covariance_distance(after.belief.covariance[e], want.covariance) < TABLES, f"step {k + 1}"
             sigma = np.sqrt(np.diagonal(want.covariance, axis1=1, axis2=2))
-            assert (np.abs(after.belief.mean[e] - want.mean) / sigma).max() < 1e-6
+            assert (np.abs(after.belief.mean[e] - want.mean) / sigma).max() < TABLES
             assert detections[e] == want.detections
             np.testing.assert_array_equal(after.truth.outside[e] - state.truth.outside[e], want.outside)
             x, P = plain.predicted_after(system, k, belief.mean[e], belief.covariance[e], C)
-            assert oracles.covariance_distance(predicted.covariance[e], P) < 1e-6
+            assert oracles.covariance_distance(predicted.covariance[e], P) < TABLES
             here = [t for t in range(2) if plain.present(system, k + 1)[t]]
             shares += [C[i](np.hypot(*(x[t, :2] - site)))[0] for t in here for i, site in enumerate(system.sensors)]
         state = after
@@ -98,7 +101,7 @@ def test_beyond_the_blind_ranges_nothing_changes(system):
 
 
 def test_detections_follow_the_snr_of_what_is_seen():
-    """Targets that stand still at known shares of a pulse: Pd is Pf^(1/(1 + f eta)), to four errors."""
+    """Targets that stand still at known shares of a pulse: Pd is that of the share of eta, to four errors."""
     for r in (3e3, 8e3, 12e3):
         system = AgileClutter(
             sensors=((0.0, 0.0),), starts=((r, 0.0, 0.0, 0.0),), births=(0,), q=0.0, prior_variance=(1e-2,) * 4,
@@ -111,7 +114,7 @@ def test_detections_follow_the_snr_of_what_is_seen():
             state = system.transition(state, np.zeros((400, 1), int), worlds)
             count += system.state_info(state)["detections"].sum()
         share, _ = gated.information(system.action_set.sensor_library[0], 2 * r / gated.C)
-        pd = 0.01 ** (1 / (1 + 4 * share))
+        pd = detection_probability(4 * share, 0.01, searched=2)
         assert abs(count / 1e4 - pd) < 4 * np.sqrt(pd * (1 - pd) / 1e4)
 
 

@@ -16,7 +16,11 @@ from wavegym.waveforms import parse_law
 
 WELL = ("pfm:3", "hfm:0.5", "efm:0.5")  # 1 - rho^2 about 0.06
 CROSSING = ((2e3, -1e3, -100.0, 800.0), (1.9e3, -1e3, -60.0, 800.0), (1e3, -1e3, 100.0, 800.0))
+TABLES = 1e-3  # standard deviations by which the interpolated law may move estimates
 THREE = {"starts": CROSSING, "births": (0, 1, 7), "lifetime": 12, "horizon": 14, "durations": (100e-6,)}
+
+
+SEVERAL = {"false_alarms": (1e-4, 1e-2, 0.1), "durations": (100e-6,), "sweeps": (15e6,)}
 
 
 def transmitted(system, actions):
@@ -54,18 +58,22 @@ def apart(got, want):
 
 
 @pytest.mark.parametrize(
-    ("settings", "tolerance"),
+    "settings",
     [
-        ({"laws": WELL}, 1e-9),
-        ({"laws": WELL, "action": "joint"}, 1e-9),
-        ({"laws": WELL, "action": "box", "gate": 1.5}, 1e-9),
-        ({"laws": WELL, **THREE, "sweeps": (15e6,)}, 1e-9),
-        # S of an LFM pulse has 1 - rho^2 of 7e-6 and less: a rounding grows by its inverse, and again with every step.
-        ({"laws": ("lfm",), "durations": (100e-6,), "sweeps": (15e6,), "horizon": 4}, 1e-6),
+        {"laws": WELL},
+        {"laws": WELL, "action": "joint"},
+        {"laws": WELL, "action": "box", "gate": 1.5},
+        {"laws": WELL, **THREE, "sweeps": (15e6,)},
+        {"laws": WELL, "snr_law": "printed"},
+        {"laws": WELL, "fluctuation": "swerling3", "false_alarm": 1e-3},
+        {"laws": ("lfm",), "durations": (100e-6,), "sweeps": (15e6,), "horizon": 4},
     ],
 )
-def test_transition_with_jpda_is_the_plain_loop(settings, tolerance):
-    """The plain loop runs on its own results, so errors may add up over the episode."""
+def test_transition_with_jpda_is_the_plain_loop(settings):
+    """The plain loop runs on its own results, so errors may add up over the episode.
+
+    Pd and the effective eta are interpolated, with relative errors of 1e-4 at most: hence TABLES.
+    """
     system = AgileClutter(tracker="jpda", **settings)
     worlds, rng = oracles.worlds(system, 2, seed=5), np.random.default_rng(6)
     state = system.initial(worlds)
@@ -78,7 +86,7 @@ def test_transition_with_jpda_is_the_plain_loop(settings, tolerance):
         steps = [plain.step(system, worlds, e, belief, state.truth.path[e], C[e]) for e in range(2)]
         want = plain.Step(*(np.array(parts) for parts in zip(*steps, strict=True)))
         mean, covariance, outside = want.mean, want.covariance, outside + want.outside
-        assert apart(state.belief, want) < tolerance, f"step {k + 1}"
+        assert apart(state.belief, want) < TABLES, f"step {k + 1}"
         metrics = system.state_info(state)
         np.testing.assert_array_equal(metrics["detections"], want.detections)
         np.testing.assert_array_equal(metrics["clutter"], want.clutter)
@@ -118,8 +126,9 @@ def beliefs(system, count=3, steps=(0, 6, 7, 20), seed=1):
 
 @pytest.mark.parametrize("action", ["library", "joint", "box"])
 @pytest.mark.parametrize("given", [False, True])
-def test_predict_is_equations_13_and_14_mended(action, given):
-    system = AgileClutter(laws=WELL, action=action)
+@pytest.mark.parametrize("snr_law", ["realised", "printed"])
+def test_predict_is_equations_13_and_14_mended(action, given, snr_law):
+    system = AgileClutter(laws=WELL, action=action, snr_law=snr_law)
     rng = np.random.default_rng(2)
     for belief in beliefs(system):
         actions = random_actions(system, rng, 3)
@@ -129,7 +138,7 @@ def test_predict_is_equations_13_and_14_mended(action, given):
             detected = outcome[e] == 0.0 if given else None
             x, P = plain.predicted_after(system, belief.step[e], belief.mean[e], belief.covariance[e], C[e], detected)
             one = got._replace(mean=got.mean[e], covariance=got.covariance[e])
-            assert apart(one, plain.Step(x, P, np.zeros(2), 0, 0)) < 1e-9
+            assert apart(one, plain.Step(x, P, np.zeros(2), 0, 0)) < TABLES
         np.testing.assert_array_equal(got.step, belief.step + 1)
 
 
@@ -142,46 +151,59 @@ def test_prediction_knows_clutter_by_its_density_whatever_the_gate(gate):
     got, C = system.predict(belief, actions), transmitted(system, actions)
     for e in range(3):
         _, P = plain.predicted_after(system, 7, belief.mean[e], belief.covariance[e], C[e])
-        assert oracles.covariance_distance(got.covariance[e], P) < 1e-9
+        assert oracles.covariance_distance(got.covariance[e], P) < TABLES
 
 
-def test_sensor_costs_are_the_cost_of_predict_sensor_after_sensor():
-    system = AgileClutter()
-    C, windows = system.action_set.sensor_covariances, system.action_set.sensor_windows
+@pytest.mark.parametrize("settings", [{}, SEVERAL])
+def test_sensor_costs_are_the_cost_of_predict_sensor_after_sensor(settings):
+    system = AgileClutter(**settings)
+    pulses = system.action_set
+    C, windows, alarm = pulses.sensor_covariances, pulses.sensor_windows, pulses.thresholds[1]
     for belief in beliefs(system):
         predicted, choices = system.predicted_targets(belief), [np.array([3, 9, 20]), np.array([17, 1, 8])]
-        after = after_sensor(system, predicted, 0, C[choices[0]], windows[choices[0]])
-        second = sensor_costs(system, after, 1, C[None], windows[None])
+        first, last = ((C[chosen], windows[chosen], alarm[chosen]) for chosen in choices)
+        after = after_sensor(system, predicted, 0, *first)
+        second = sensor_costs(system, after, 1, C[None], windows[None], alarm)
         actions = np.stack([np.stack([choices[0], np.full(3, c)], axis=1) for c in range(len(C))], axis=1)
         np.testing.assert_allclose(second, system.cost(system.predict(belief, actions)), rtol=1e-9)
         chosen = np.take_along_axis(second, choices[1][:, None], axis=1)[:, 0]
-        both = after_sensor(system, after, 1, C[choices[1]], windows[choices[1]])._replace(present=predicted.present)
+        both = after_sensor(system, after, 1, *last)._replace(present=predicted.present)
         P = np.diagonal(both.covariance, axis1=2, axis2=3).sum(axis=2)
         np.testing.assert_allclose((P * predicted.present).sum(axis=1), chosen, rtol=1e-9)
 
 
-def test_the_second_sensor_is_chosen_as_by_trying_all():
+@pytest.mark.parametrize("settings", [{}, SEVERAL, SEVERAL | {"action": "joint"}])
+def test_the_second_sensor_is_chosen_as_by_trying_all(settings):
     """With the first sensor's choice given, nothing is approximate: the second choice has the least predicted cost."""
-    system = AgileClutter()
-    count = len(system.actions)
+    system = AgileClutter(**settings)
+    count = len(system.action_set.sensor_library)
     for belief in beliefs(system):
         best = shortcuts.best_action(system, belief)
-        actions = np.stack([np.stack([best[:, 0], np.full(3, c)], axis=1) for c in range(count)], axis=1)
-        cost = system.cost(system.predict(belief, actions))
-        chosen = np.take_along_axis(cost, best[:, 1:], axis=1)[:, 0]
+        first = system.action_set.joint.indices[best, 0] if system.action == "joint" else best[:, 0]
+        tried = np.stack([np.stack([first, np.full(3, c)], axis=1) for c in range(count)], axis=1)
+        cost = system.cost(system.predict(belief, system.action_set.encode(tried)))
+        chosen = system.cost(system.predict(belief, best))
         np.testing.assert_allclose(chosen, cost.min(axis=1), rtol=1e-12)
 
 
-@pytest.mark.parametrize("action", ["library", "joint", "box"])
-def test_sensor_by_sensor_is_nearly_the_joint_grid(action):
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"durations": (30e-6, 100e-6), "sweeps": (15e6,)},
+        {"action": "joint"},
+        {"action": "box", "durations": (30e-6, 100e-6), "sweeps": (15e6,)},
+        SEVERAL,
+        {"action": "joint", "false_alarms": (1e-4, 0.1), "laws": WELL},
+    ],
+)
+def test_sensor_by_sensor_is_nearly_the_joint_grid(settings):
     """The choice sensor by sensor differs from that of the joint grid, but costs hardly more.
 
     Measured: with the whole library (16 worlds, 32 steps) it is worse in 10 % of the states, by 7.2 % of the trace at
     most and 0.05 % on average; without clutter in 4 %, by 1.1 % at most. Over whole episodes of a library of 16 (200
     worlds) the ratio of costs is 0.998 +- 0.013.
     """
-    few = {"durations": (30e-6, 100e-6), "sweeps": (15e6,)} if action != "joint" else {}
-    system = AgileClutter(action=action, **few)
+    system = AgileClutter(**settings)
     worlds, exhaustive = oracles.worlds(system, 12, seed=9), Myopic(fused=False)
     exhaustive.begin(system, 12, np.random.default_rng(0))
     state, gaps = system.initial(worlds), []

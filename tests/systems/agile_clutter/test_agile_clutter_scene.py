@@ -7,7 +7,7 @@ from scene_plays import drawn, moment_of, of, played
 
 from wavegym.envs.film import make_scene
 from wavegym.rendering.maps import colour, ellipse
-from wavegym.sensors import inside_gate, range_and_rate
+from wavegym.sensors import inside_gate, mean_inverse_detected_snr, range_and_rate
 from wavegym.systems.agile_clutter.scene import draw_map, known_targets, scan_caption, transmitted
 from wavegym.systems.agile_clutter.system import AgileClutter
 from wavegym.waveforms import TrapezoidChirp
@@ -86,7 +86,8 @@ def test_gates_have_the_moments_of_the_true_measurement_function():
     C = SYSTEM.action_set.unit_covariance(moment.actions[-1])[0]
     for i, axes in enumerate(scene._gates):
         z = range_and_rate(states, SYSTEM.sensors[i])
-        N = C[i] * (z[:, 0].mean() / SYSTEM.reference_range) ** 4
+        eta = (SYSTEM.reference_range / z[:, 0].mean()) ** 4
+        N = C[i] * mean_inverse_detected_snr(eta, SYSTEM.false_alarm, searched=2, least=1)
         expected = ellipse(np.cov(z.T) + N, SYSTEM.gate)
         reach = np.abs(expected).max(axis=1)
         shown = np.abs(np.array(axes.lines[0].get_data())).max(axis=1)

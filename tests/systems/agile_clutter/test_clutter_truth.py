@@ -22,13 +22,16 @@ def play(system, worlds):
 
 
 def test_the_field_of_clutter_has_the_true_density():
-    """Clutter points of the first step, before gates depend on them: Poisson, so 4 standard errors are 4 sqrt(n)."""
-    assumed = AgileClutter()
+    """Clutter points of the first step, before gates depend on them: Poisson, so 4 standard errors are 4 sqrt(n).
+
+    Noise has no false returns here.
+    """
+    assumed = AgileClutter(snr_law="printed")
     worlds = oracles.worlds(assumed, 400)
     action = np.broadcast_to(shortcuts.constants(assumed)[0], (400, 2))
     counts = [
         s.state_info(s.transition(s.initial(worlds), action, worlds))["clutter"].sum()
-        for s in (assumed, AgileClutter(truth={"clutter_density": 3e-4}), AgileClutter(truth={"clutter_density": 0.0}))
+        for s in (assumed, *(AgileClutter(snr_law="printed", truth={"clutter_density": d}) for d in (3e-4, 0.0)))
     ]
     assert counts[2] == 0
     assert abs(counts[1] - 3 * counts[0]) < 4 * np.sqrt(counts[1] + 9 * counts[0])

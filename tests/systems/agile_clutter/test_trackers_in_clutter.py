@@ -41,7 +41,7 @@ class Associating:
             centre, S, G = self.unscented(x, P, scan.model.measure)
             mean[e, lit], covariance[e, lit] = jpda_update(
                 x, P, scan.z[e, scan.present[e]], centre, S + scan.noise[e, lit], G, scan.detection[e, lit],
-                scan.clutter_density, self.gate, float(gate_probability(self.gate)),
+                scan.clutter_density[e], self.gate, float(gate_probability(self.gate)),
             )  # fmt: skip
         return Estimate(mean, covariance)
 

@@ -74,9 +74,9 @@ def test_energy_is_conserved_in_every_random_step(kind):
 
 
 def test_occluded_nothing_is_seen_and_all_energy_is_lost():
-    system = EnergyBudget()
+    system = EnergyBudget(reference_range=1e6)  # detects every clear target
     worlds = oracles.worlds(system, 5, 2)
-    worlds = worlds._replace(occlusion=np.ones_like(worlds.occlusion), detection=np.zeros_like(worlds.detection))
+    worlds = worlds._replace(occlusion=np.ones_like(worlds.occlusion))
     start = system.initial(worlds)
     loud, quiet = (system.transition(start, np.full(5, action), worlds) for action in (15, 0))
     np.testing.assert_array_equal(loud.belief.covariance, quiet.belief.covariance)
@@ -137,9 +137,7 @@ def test_the_observation_shows_the_belief_of_a_planner(kind):
     system = kind()
     played = states(system, oracles.worlds(system, 6, 9), at_random(system, 9))
     names = [element.name for element in system.observation_fields]
-    eta = [
-        plain.strength(system, plain.measure(played[0].belief.mean[0, 0], np.array(s))[0])[0] for s in system.sensors
-    ]
+    eta = [plain.snr(system, plain.measure(played[0].belief.mean[0, 0], np.array(s))[0]) for s in system.sensors]
     first = dict(zip(names, system.observe(played[0].belief)[0], strict=True))
     np.testing.assert_allclose([first["snr_1_1"], first["snr_1_2"]], 10 * np.log10(eta), atol=0.2)
     for k, state in enumerate(played):

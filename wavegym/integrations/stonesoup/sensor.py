@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
@@ -20,8 +20,9 @@ from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
-from wavegym.sensors import energy_detection_probability
+from wavegym.sensors import detection_probability, energy_detection_probability, mean_inverse_detected_snr
 from wavegym.systems.agile_clutter import AgileClutter
+from wavegym.systems.agile_clutter.scenario import SEARCHED
 from wavegym.systems.composed import LineOfSightRadar, Loop, PlanarRadar, Pulses
 from wavegym.systems.kershaw_evans import KershawEvans
 from wavegym.systems.kershaw_evans.actions import visible_information
@@ -64,12 +65,31 @@ def law_states(vectors: Any, mapping: Any, offset: Array) -> Array:
     return states
 
 
+@dataclass(frozen=True)
 class ClutterRadar(PlanarRadar):
-    """The law of ``AgileClutter``: Pd = Pf^(1 / (1 + eta)), as Sira et al. print it."""
+    """The law of ``AgileClutter``, with errors of the mean covariance of detected echoes.
+
+    Args:
+        snr_law, fluctuation: the system's.
+    """
+
+    snr_law: str = "realised"
+    fluctuation: str = "swerling1"
+
+    def covariance(self, states: Array, pulse: Array) -> Array:
+        """C over the effective eta."""
+        if self.snr_law == "printed":
+            return super().covariance(states, pulse)
+        law = float(self.false_alarm or 0.0), self.fluctuation
+        inverse = mean_inverse_detected_snr(self.snr(states), *law, searched=SEARCHED, least=1.0)
+        return pulse * inverse[..., None, None]
 
     def detection(self, states: Array, pulse: Array) -> Array:
         """Pd."""
-        return energy_detection_probability(self.snr(states), float(self.false_alarm or 0.0))
+        alarm = float(self.false_alarm or 0.0)
+        if self.snr_law == "printed":
+            return energy_detection_probability(self.snr(states), alarm)
+        return detection_probability(self.snr(states), alarm, self.fluctuation, searched=SEARCHED)
 
 
 class EclipsedChirpRadar(LineOfSightRadar):
@@ -195,7 +215,10 @@ class WaveformRadar(Sensor):
         return self._model(self.law.covariance(states, self.pulses.pulse(np.array(self.waveform)))[0])
 
     def snr(self, state: Any) -> float:
-        """Eta of a state without the eclipsed part: the covariance is smaller by this factor than at unit SNR."""
+        """Eta of a state without the eclipsed part: the covariance is smaller by this factor than at unit SNR.
+
+        In clutter, where errors have the realised SNR, it is the effective eta of detected echoes.
+        """
         return float(self.measurement_model.noise_covar[0, 0] / self.model_at(state).noise_covar[0, 0])
 
     def _model(self, R: Array) -> WaveformMeasurement:
@@ -265,8 +288,13 @@ def radars_of(system: System, *, seed: int | None = None, **placing: Any) -> tup
         if isinstance(law, PlanarRadar):
             law, places = replace(law, place=(0.0, 0.0)), (law.place,)
     elif type(system) is AgileClutter and isinstance(system.actions, (PerSensorLibrary, JointLibrary)):
-        law = ClutterRadar((0.0, 0.0), system.reference_range, system.nearest_range, system.false_alarm)
-        pulses, n = Pulses(system.action_set.sensor_library, system.carrier_hz), 4
+        if len(system.action_set.thresholds[0]) > 1:
+            raise InputError(
+                "system has several thresholds, expected one (nearest: false_alarms=(), alarm_density=None)"
+            )
+        ranges = (0.0, 0.0), system.reference_range, system.nearest_range
+        law = ClutterRadar(*ranges, system.false_alarm, system.snr_law, system.fluctuation)
+        pulses, n = Pulses(Library(system.action_set.sensor_library), system.carrier_hz), 4
         places = system.sensors
     else:
         wanted = "KershawEvans, AgileClutter or a Loop with Pulses, whose actions are indices of a library"

@@ -96,7 +96,8 @@ class StoneSoupTracker:
         """Update targets of environment e, by their probability of detection, with all its returns, in place."""
         updater = self.updater(None)
         tracks = {Track([_predicted(mean[e, t], covariance[e, t])]): t for t in pd}
-        each = _EachTarget({track: self._hypothesiser(updater, pd[t], scan) for track, t in tracks.items()})
+        density = float(np.broadcast_to(scan.clutter_density, len(mean))[e])
+        each = _EachTarget({track: self._hypothesiser(updater, pd[t], density) for track, t in tracks.items()})
         detections = [
             _detection(scan.z[e, i], _model(mean.shape[-1], scan.R[e, i], scan.model))
             for i in np.flatnonzero(scan.present[e])
@@ -104,9 +105,9 @@ class StoneSoupTracker:
         for track, found in associate(each).associate(list(tracks), detections, NOW).items():
             mean[e, tracks[track]], covariance[e, tracks[track]] = _moments(found, updater)
 
-    def _hypothesiser(self, updater: Any, detection: float, scan: Scan) -> Any:
+    def _hypothesiser(self, updater: Any, detection: float, density: float) -> Any:
         """A hypothesiser for one target."""
-        told = {"prob_detect": detection, "clutter_spatial_density": scan.clutter_density}
+        told = {"prob_detect": detection, "clutter_spatial_density": density}
         takes = inspect.signature(self.hypothesiser).parameters
         return self.hypothesiser(_AsPredicted(None), updater, **{name: told[name] for name in told if name in takes})
 

@@ -12,6 +12,7 @@ import numpy as np
 from wavegym.core.action_sets import JointLibrary, Library, Parameter, ParameterBox, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
+from wavegym.sensors import false_return_threshold
 from wavegym.sensors.eclipsing import (
     NEVER_CUT,
     NO_TABLES,
@@ -53,6 +54,8 @@ class ChirpActions:
             longest duration and the widest sweep) or "box" (the parameters of every sensor).
         own: pulses of each sensor in place of the chirps, in the forms "library" and "joint".
         eclipsing: whether the receivers are closed while their radar transmits.
+        false_alarms: probabilities of a false alarm in a cell, from which a sensor chooses with its waveform.
+        alarm_density: density of the false returns of noise, in place of ``false_alarms``; None for none.
     """
 
     laws: tuple[str, ...]
@@ -63,6 +66,8 @@ class ChirpActions:
     form: str
     own: Library | None = field(default=None, kw_only=True)
     eclipsing: bool = field(default=False, kw_only=True)
+    false_alarms: tuple[float, ...] = field(default=(0.01,), kw_only=True)
+    alarm_density: float | None = field(default=None, kw_only=True)
 
     @cached_property
     def library(self) -> Library:
@@ -77,7 +82,7 @@ class ChirpActions:
     @cached_property
     def joint(self) -> JointLibrary:
         """The widest waveforms in all combinations of the sensors."""
-        return JointLibrary(self.widest, self.sensors)
+        return JointLibrary(self._choices, self.sensors)
 
     @cached_property
     def box(self) -> ParameterBox:
@@ -96,17 +101,49 @@ class ChirpActions:
         """The action set of this form."""
         if self.form == "box":
             return self.box
-        return self.joint if self.form == "joint" else PerSensorLibrary(self.library, self.sensors)
+        return self.joint if self.form == "joint" else PerSensorLibrary(self._choices, self.sensors)
 
     @property
-    def sensor_library(self) -> Library:
-        """The waveforms of one sensor that enumerating schedulers try."""
+    def _waveforms(self) -> Library:
+        """The waveforms of one sensor that enumerating schedulers try, each once."""
         return self.widest if self.form == "joint" else self.library
 
     @cached_property
+    def _choices(self) -> Library:
+        """Every waveform with every threshold, the threshold fastest."""
+        if len(self.false_alarms) == 1:
+            return self._waveforms
+        choices = product(self._waveforms.labels, self.false_alarms)
+        return Library(tuple(f"{label}, Pf {alarm:g}" for label, alarm in choices))
+
+    @cached_property
+    def sensor_library(self) -> tuple[Waveform | None, ...]:
+        """The waveform of each of a sensor's choices that enumerating schedulers try."""
+        return tuple(waveform for waveform in self._waveforms for _ in self.false_alarms)
+
+    @cached_property
+    def thresholds(self) -> tuple[Array, Array]:
+        """Pf at each threshold (row,), and the row of each choice of a sensor, (choice,) int."""
+        count = len(self.sensor_library)
+        if self.alarm_density is None:
+            rows = np.arange(len(self.false_alarms))
+            return np.array(self.false_alarms), np.resize(rows, count)
+        T = false_return_threshold(self.sensor_covariances, self.alarm_density)
+        return np.unique(np.exp(-T), return_inverse=True)
+
+    def alarms(self, actions: Array) -> Array:
+        """Rows of the thresholds of ``actions``, (..., sensor) int; (...) is (1,) for each axis if there is one row."""
+        alarms, rows = self.thresholds
+        if len(alarms) == 1:
+            leading = np.ndim(actions) - (self.form != "joint")
+            return np.zeros((*(1,) * leading, self.sensors), np.int64)
+        return rows.take(self.joint.indices.take(actions, axis=0) if self.form == "joint" else actions)
+
+    @cached_property
     def sensor_covariances(self) -> Array:
-        """C (waveform, 2, 2): measurement covariances of ``sensor_library`` at unit SNR."""
-        return measurement_covariances(self.sensor_library, self.carrier_hz)
+        """C (choice, 2, 2): measurement covariances of ``sensor_library`` at unit SNR."""
+        C = measurement_covariances(self._waveforms, self.carrier_hz)
+        return C.repeat(len(self.false_alarms), axis=0)
 
     @cached_property
     def _sensor_chirps(self) -> Array:
@@ -139,16 +176,17 @@ class ChirpActions:
     def constants(self) -> Array:
         """Fixed schedules: one law, duration and sweep for all sensors, each sensor up or down; or a given pulse."""
         if self.own:
-            return self.encode(np.repeat(np.arange(len(self.own))[:, None], self.sensors, axis=1))
-        pairs = len(self.sensor_library) // 2
-        directions = np.array(list(product((0, 1), repeat=self.sensors)))
-        choices = 2 * np.arange(pairs)[:, None, None] + directions
+            return self.encode(np.repeat(np.arange(len(self.sensor_library))[:, None], self.sensors, axis=1))
+        alarms = len(self.false_alarms)
+        pairs = 2 * alarms * np.arange(len(self._waveforms) // 2)[:, None] + np.arange(alarms)
+        directions = alarms * np.array(list(product((0, 1), repeat=self.sensors)))
+        choices = pairs.reshape(-1, 1, 1) + directions
         return self.encode(choices.reshape(-1, self.sensors))
 
     @cached_property
     def candidates(self) -> Array:
         """Every combination of one waveform per sensor, as actions."""
-        return self.encode(PerSensorLibrary(self.sensor_library, self.sensors).combinations())
+        return self.encode(PerSensorLibrary(self._choices, self.sensors).combinations())
 
     def unit_covariance(self, actions: Array) -> Array:
         """C (..., sensor, 2, 2) of the waveforms that ``actions`` name."""
@@ -160,9 +198,9 @@ class ChirpActions:
 
     @cached_property
     def _eclipsed(self) -> EclipsedLibrary:
-        """The pulses of ``sensor_library``; of a box, of every law one chirp of 1 s and 1 Hz."""
+        """The waveforms, each once; of a box, of every law one chirp of 1 s and 1 Hz."""
         unit = trapezoid_chirp_library(self.laws, (1.0,), (1.0,), ("up",))
-        return eclipsed_library(unit if self.form == "box" else self.sensor_library)
+        return eclipsed_library(unit if self.form == "box" else self._waveforms)
 
     @property
     def tables(self) -> EclipseTables:
@@ -171,10 +209,12 @@ class ChirpActions:
 
     @cached_property
     def sensor_windows(self) -> Array:
-        """The receive windows of ``sensor_library``, (waveform, 10)."""
+        """The receive windows of ``sensor_library``, (choice, 10)."""
         if not self.eclipsing:
             return NEVER_CUT.repeat(len(self.sensor_library), axis=0)
-        return self.chirp_windows(*self._sensor_chirps) if self.form == "box" else self._eclipsed.windows
+        if self.form == "box":
+            return self.chirp_windows(*self._sensor_chirps)
+        return self._eclipsed.windows.repeat(len(self.false_alarms), axis=0)
 
     def windows(self, actions: Array) -> tuple[Array, Array]:
         """Rows (..., sensor) of the second array, and the receive windows (row, 10), of the waveforms of ``actions``.

@@ -2,13 +2,10 @@
 
 Axes: e environment, i sensor, t target slot. Sizes arrive as tuples of zeros (``nn`` for the state).
 ``targets`` = (birth (t,) int, lifetime) says when a slot holds a target: birth < step <= birth + lifetime.
-``radar`` = (sensors (i, 2), reference range, nearest range, log Pf, clutter density, gate, gate probability, carrier,
-tables of cut pulses), as the tracker assumes them. ``world`` is the same tuple with the true values; its gate and gate
-probability are not used.
+``radar`` is a ``Radar`` as the tracker assumes it. ``world`` has the true values; its gate and gate probability are not
+used. ``pulse`` is a ``state.Pulse`` whose axes env and candidate are one flat axis e, which may be 1 for all
+environments. No gate is opened if its chance is 0 or if the predicted echo arrives while the pulse is sent.
 ``q2`` = (pd grid, log clutter grid, table) of the information reduction factor.
-``pulse`` = (C (e, i, 2, 2) at unit SNR, strength (e, i) > 0, a factor on the SNR, chance (e, i, t) of illuminating a
-visible target, window (e, i) int, windows (row, 10): the pulse and its receive window, see ``is_whole``); axis e may be
-1, for all environments. No gate is opened if chance is 0 or if the predicted echo arrives while the pulse is sent.
 ``gates`` = (open (g,) bool, centre (g, 2), L (g, 2, 2), radius): one for each target, or one for each component of
 each target. The windows of a sensor are WINDOW times as large as the gates that are predicted before the step.
 ``measure`` reports the returns inside the windows, and ``track`` drops those outside the tracker's gates. A target is
@@ -22,13 +19,15 @@ block under ``is not None``, and only such a block.
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from wavegym.core.array_kernels import copy_vector
 from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.clutter_kernels import add_clutter, in_a_gate, in_gate, most_load, room
-from wavegym.sensors.detection_kernels import detection, inverse_snr
+from wavegym.sensors.detection_kernels import EchoLaw, detection_of, effective_snr, inverse_snr, received_snr
 from wavegym.sensors.eclipsing_kernels import HALF_C, is_whole, windowed_covariance
 from wavegym.sensors.geometry_kernels import range_and_rate
 from wavegym.trackers import gaussian_mixture_kernels as gaussian_mixture
@@ -48,6 +47,21 @@ LEAST_DENSITY = 1e-20
 """The tracker's clutter density where the true one is 0: a return in a gate is then always a target's."""
 
 
+class Radar(NamedTuple):
+    """The sensors, their laws and the clutter."""
+
+    sensors: Any  # (i, 2), m
+    reference: float  # range at which eta = 1, m
+    nearest: float  # least range of the law of SNR, m
+    law: EchoLaw  # a row for each threshold
+    noise: Any  # (row,) peaks of noise per resolution cell: their density times sqrt(det C)
+    clutter: float  # density of false returns of other origin, per m and m/s
+    gate: float
+    gate_probability: float
+    carrier: float  # Hz
+    tables: Any  # of pulses that are cut
+
+
 @inlined
 def row(e, array):
     """The row of ``array`` that belongs to environment e."""
@@ -56,8 +70,8 @@ def row(e, array):
 
 @inlined
 def weakness_one(e, i, r, strength, radar):
-    """1 / eta of a target at range r."""
-    return inverse_snr(r, radar[1], radar[2]) / strength[row(e, strength), i]
+    """1 / eta of a whole pulse's echo from range r."""
+    return inverse_snr(r, radar.reference, radar.nearest) / strength[row(e, strength), i]
 
 
 @kernel
@@ -68,15 +82,53 @@ def echo(r, C00, C01, C11, w, windows, radar):
     """
     if is_whole(windows, w, abs(r) / HALF_C):
         return 1.0, C00, C01, C11
-    share, R00, R01, R11 = windowed_covariance(radar[8], windows, w, abs(r), radar[7])
+    share, R00, R01, R11 = windowed_covariance(radar.tables, windows, w, abs(r), radar.carrier)
     return share if share >= LEAST_SEEN else 0.0, R00, R01, R11
 
 
 @inlined
 def echo_of(e, i, r, pulse, radar):
     """``echo`` of sensor i's pulse."""
-    C, own, w = pulse[0], row(e, pulse[0]), pulse[3][row(e, pulse[3]), i]
-    return echo(r, C[own, i, 0, 0], C[own, i, 1, 0], C[own, i, 1, 1], w, pulse[4], radar)
+    C, own, w = pulse.C, row(e, pulse.C), pulse.window[row(e, pulse.window), i]
+    return echo(r, C[own, i, 0, 0], C[own, i, 1, 0], C[own, i, 1, 1], w, pulse.windows, radar)
+
+
+@inlined
+def alarm_of(e, i, pulse):
+    """Row of sensor i's threshold."""
+    return pulse.alarm[row(e, pulse.alarm), i]
+
+
+@kernel
+def expected_echo(r, weakness, C00, C01, C11, w, windows, alarm, radar):
+    """(Pd, R00, R01, R11) of pulse w's echo from range r, as predicted: R is the mean of detected echoes.
+
+    C is that of the whole pulse at unit SNR, and 1 / weakness its eta. Pd is 0 if no part of the echo is visible.
+    """
+    share, C00, C01, C11 = echo(r, C00, C01, C11, w, windows, radar)
+    if share == 0.0:
+        return 0.0, C00, C01, C11
+    eta = share / weakness
+    spread = share / effective_snr(eta, alarm, radar.law)
+    return detection_of(eta, alarm, radar.law), spread * C00, spread * C01, spread * C11
+
+
+@inlined
+def expected_echo_of(e, i, r, pulse, radar):
+    """``expected_echo`` of sensor i's pulse."""
+    C, own, w = pulse.C, row(e, pulse.C), pulse.window[row(e, pulse.window), i]
+    return expected_echo(
+        r, weakness_one(e, i, r, pulse.strength, radar), C[own, i, 0, 0], C[own, i, 1, 0], C[own, i, 1, 1], w,
+        pulse.windows, alarm_of(e, i, pulse), radar
+    )  # fmt: skip
+
+
+@inlined
+def density_of(e, i, pulse, radar):
+    """Density of false returns of sensor i's pulse: clutter, and peaks of noise, whose number in a cell is fixed."""
+    C, own = pulse.C, row(e, pulse.C)
+    cell = np.sqrt(C[own, i, 0, 0] * C[own, i, 1, 1] - C[own, i, 1, 0] * C[own, i, 1, 0])
+    return radar.clutter + radar.noise[alarm_of(e, i, pulse)] / cell
 
 
 @kernel
@@ -121,21 +173,19 @@ def workspace(count_t, nn):
 
 @kernel
 def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
-    """Fill ``work`` with sensor i's predicted measurements: S = Pzz + N, N = C / eta, at predicted ranges.
+    """Fill ``work`` with sensor i's predicted measurements: S = Pzz + N at predicted ranges.
 
     A target is no longer lit if no part of its echo is predicted to be visible.
     """
     centre, S, L, G, N, pd, scratch = work
-    sensors, log_pf, chance = radar[0], radar[3], pulse[2]
+    sensors, chance = radar.sensors, pulse.chance
     for t in range(len(lit)):
         if lit[t]:
             predict_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], scratch, centre, S, G, nn)
-            weakness = weakness_one(e, i, centre[t, 0], pulse[1], radar)
-            share, C00, C01, C11 = echo_of(e, i, centre[t, 0], pulse, radar)
-            lit[t] = share > 0.0
-            pd[t] = chance[row(e, chance), i, t] * detection(share / weakness, log_pf)
-            N[t, 0, 0], N[t, 0, 1], N[t, 1, 1] = weakness * C00, weakness * C01, weakness * C11
+            seen, N[t, 0, 0], N[t, 0, 1], N[t, 1, 1] = expected_echo_of(e, i, centre[t, 0], pulse, radar)
             N[t, 1, 0] = N[t, 0, 1]
+            lit[t] = seen > 0.0
+            pd[t] = chance[row(e, chance), i, t] * seen
             for a in range(2):
                 for b in range(2):
                     S[t, a, b] += N[t, a, b]
@@ -143,13 +193,14 @@ def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
 
 
 @kernel
-def receive(e, i, k, lit, fresh, truth, uniform, error, pulse, world, gates, reach, z, outside, scan):
+def receive(e, i, k, key, lit, fresh, truth, error, pulse, world, gates, reach, z, outside, scan):
     """Fill z with the returns of targets that lie within ``reach`` times a gate; returns their number.
 
     outside[e, t] counts the returns of a fresh target outside its own gates, if it has gates; scan[e, 0] counts
-    detections. eta, Pd and the covariance of the errors are those of the world at the true range.
+    detections. The world's eta at the true range is the mean of the realised SNR, which decides on the detection and
+    the errors; its draws belong to ``key``.
     """
-    sensors, log_pf, chance = world[0], world[3], pulse[2]
+    sensors, alarm = world.sensors, alarm_of(e, i, pulse)
     opened, centre, L, gate = gates
     count, each = 0, len(opened) // len(lit)
     for t in range(len(lit)):
@@ -158,16 +209,16 @@ def receive(e, i, k, lit, fresh, truth, uniform, error, pulse, world, gates, rea
         r, v = range_and_rate(
             truth[e, t, 0], truth[e, t, 1], truth[e, t, 2], truth[e, t, 3], sensors[i, 0], sensors[i, 1]
         )
-        weakness = weakness_one(e, i, r, pulse[1], world)
+        weakness = weakness_one(e, i, r, pulse.strength, world)
         share, C00, C01, C11 = echo_of(e, i, r, pulse, world)
-        seen = detection(share / weakness, log_pf) if share > 0.0 else 0.0
-        if uniform[e, k - 1, i, t] >= chance[row(e, chance), i, t] * seen:
+        snr = received_snr(share / weakness, alarm, stream(key, t), world.law) if share > 0.0 else 0.0
+        if snr == 0.0:
             continue
         scan[e, 0] += 1
         c0 = np.sqrt(C00)
         c1 = C01 / c0
         c2 = np.sqrt(C11 - c1 * c1)
-        spread = np.sqrt(weakness)
+        spread = np.sqrt(share / snr)
         z0 = r + spread * c0 * error[e, k - 1, i, t, 0]
         z1 = v + spread * (c1 * error[e, k - 1, i, t, 0] + c2 * error[e, k - 1, i, t, 1])
         gated, own, some = False, False, False
@@ -198,24 +249,32 @@ def count_in_fresh_gates(z, begin, end, opened, centre, L, gate, fresh):
 
 
 @kernel
-def sense(e, i, k, key, lit, fresh, truth, uniform, error, pulse, world, gates, reach, z, outside, scan):
-    """Fill z with sensor i's returns and the clutter within ``reach`` times its gates; returns z, or a larger copy.
+def sense(e, i, k, key, echoes, lit, fresh, truth, error, pulse, world, gates, reach, z, outside, scan):
+    """Fill z with sensor i's returns and the false ones within ``reach`` times its gates; returns z, or a larger copy.
 
+    ``key`` and ``echoes`` are the keys of the draws of false returns and of echoes.
     The second result is their number. If a gate has too much clutter or no finite size, the number is -1 and scan[e, 1]
     is NaN.
     """
     opened, centre, L, gate = gates
     z = room(z, len(lit))
-    returns = receive(e, i, k, lit, fresh, truth, uniform, error, pulse, world, gates, reach, z, outside, scan)
-    if not most_load(opened, centre, L, gate, world[4]) <= MOST_CLUTTER:  # NaN, too
+    returns = receive(e, i, k, echoes, lit, fresh, truth, error, pulse, world, gates, reach, z, outside, scan)
+    density = density_of(e, i, pulse, world)
+    if not most_load(opened, centre, L, gate, density) <= MOST_CLUTTER:  # NaN, too
         scan[e, 1] = np.nan
         return z, -1
-    z, count = add_clutter(key, centre, L, opened, reach * gate, world[4], z, returns)
+    z, count = add_clutter(key, centre, L, opened, reach * gate, density, z, returns)
     if reach == 1.0 and fresh.all():  # each point lies in a gate
         scan[e, 1] += count - returns
     else:
         scan[e, 1] += count_in_fresh_gates(z, returns, count, opened, centre, L, gate, fresh)
     return z, count
+
+
+@inlined
+def echoes_of(stream_of_step, i, radar):
+    """Key of the draws of sensor i's echoes; clutter and particles have the keys before."""
+    return stream(stream_of_step, 2 * len(radar.sensors) + 1 + i)
 
 
 @inlined
@@ -242,7 +301,7 @@ def move(step, path, targets, truth):
 
 
 @kernel
-def transition(step, mean, covariance, particles, mixtures, jpda, path, first, uniform, error, key, pulse, targets,
+def transition(step, mean, covariance, particles, mixtures, jpda, path, first, error, key, pulse, targets,
             world, F, Q, radar, mean_out, covariance_out, particles_out, mixtures_out, truth, outside, scan, every,
             nn):  # fmt: skip
     """One step of every environment, sensor after sensor; tapes are read at [e, step]. F and Q are the tracker's.
@@ -251,7 +310,7 @@ def transition(step, mean, covariance, particles, mixtures, jpda, path, first, u
     (e, 4): detections, clutter points (NaN for too many), effective sample size, distinct ancestors. If ``every``
     (bool) is True, every sensor counts returns outside its gates and clutter points.
     """
-    (birth, lifetime), sensors, count_t, n = targets, radar[0], len(targets[0]), len(nn)
+    (birth, lifetime), sensors, count_t, n = targets, radar.sensors, len(targets[0]), len(nn)
     present, lit, fresh = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
     sent = np.empty(count_t, np.bool_)
     work, z = workspace(count_t, nn), np.empty((64, 2))
@@ -267,21 +326,21 @@ def transition(step, mean, covariance, particles, mixtures, jpda, path, first, u
         fresh[:] = True
         predict_hypotheses(e, particles, mixtures, present, F, Q, cloud, mixtures_out, nn)
         for i in range(len(sensors)):
-            is_lit(e, i, present, pulse[2], sent)
+            is_lit(e, i, present, pulse.chance, sent)
             copy_vector(sent, lit)
             predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
             gates = gates_of(e, i, mixtures_out, lit, radar, work, bank, opened, nn)
             z, count = sense(
-                e, i, k, stream(stream_of_step, i), sent, fresh, truth, uniform, error, pulse, world, gates, 1.0, z,
-                outside, scan
+                e, i, k, stream(stream_of_step, i), echoes_of(stream_of_step, i, radar), sent, fresh, truth, error,
+                pulse, world, gates, 1.0, z, outside, scan
             )  # fmt: skip
             if count < 0:
                 break
             if not every:
                 illuminated(lit, fresh)
             track(
-                e, i, stream_of_step, present, lit, x, P, particles, cloud, mixtures_out, jpda, z, count, radar, work,
-                bank, nn
+                e, i, stream_of_step, present, lit, x, P, particles, cloud, mixtures_out, jpda, z, count, pulse,
+                radar, work, bank, nn
             )  # fmt: skip
         if particles is not None:
             Y, U, log_weight, weight = cloud
@@ -297,16 +356,16 @@ def transition(step, mean, covariance, particles, mixtures, jpda, path, first, u
 @inlined
 def gates_of(e, i, mixtures, lit, radar, work, bank, opened, nn):
     """Sensor i's gates in environment e: those in ``work``, or with mixtures those of their components."""
-    gates = lit, work[0], work[2], radar[5]
+    gates = lit, work[0], work[2], radar.gate
     if mixtures is not None:
-        sx, sy = radar[0][i, 0], radar[0][i, 1]
+        sx, sy = radar.sensors[i, 0], radar.sensors[i, 1]
         gaussian_mixture.predict_bank(mixture_at(e, mixtures), lit, work[4], sx, sy, bank, opened, nn)
-        gates = opened, bank[0], bank[1], radar[5]
+        gates = opened, bank[0], bank[1], radar.gate
     return gates
 
 
 @kernel
-def measure(step, mean, covariance, mixtures, ahead, truth, uniform, error, key, pulse, targets, world, F, Q, radar,
+def measure(step, mean, covariance, mixtures, ahead, truth, error, key, pulse, targets, world, F, Q, radar,
             count, outside, scan, nn):  # fmt: skip
     """Returns of all sensors in their windows, (return, 2), environment by environment and sensor by sensor.
 
@@ -314,7 +373,7 @@ def measure(step, mean, covariance, mixtures, ahead, truth, uniform, error, key,
     i) is their number. outside (e, t) and scan (e, 2) are incremented as in ``transition``. ``ahead`` is filled with
     the predicted mixtures.
     """
-    (birth, lifetime), sensors, count_t, n, filled = targets, radar[0], len(targets[0]), len(nn), 0
+    (birth, lifetime), sensors, count_t, n, filled = targets, radar.sensors, len(targets[0]), len(nn), 0
     present, lit, fresh = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
     sent = np.empty(count_t, np.bool_)
     work, z, found = workspace(count_t, nn), np.empty((64, 2)), np.empty((64, 2))
@@ -322,18 +381,19 @@ def measure(step, mean, covariance, mixtures, ahead, truth, uniform, error, key,
     bank, opened = bank_of(mixtures, nn)
     for e in range(len(step)):
         k = step[e] + 1
+        stream_of_step = stream(key[e], k)
         fresh[:] = True
         is_present(k, birth, lifetime, present)
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
         predict_hypotheses(e, None, mixtures, present, F, Q, None, ahead, nn)
         for i in range(len(sensors)):
-            is_lit(e, i, present, pulse[2], sent)
+            is_lit(e, i, present, pulse.chance, sent)
             copy_vector(sent, lit)
             predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
             gates = gates_of(e, i, ahead, lit, radar, work, bank, opened, nn)
             z, count[e, i] = sense(
-                e, i, k, stream(stream(key[e], k), i), sent, fresh, truth, uniform, error, pulse, world, gates, WINDOW,
-                z, outside, scan
+                e, i, k, stream(stream_of_step, i), echoes_of(stream_of_step, i, radar), sent, fresh, truth, error,
+                pulse, world, gates, WINDOW, z, outside, scan
             )  # fmt: skip
             if count[e, i] < 0:
                 break
@@ -349,7 +409,7 @@ def measure(step, mean, covariance, mixtures, ahead, truth, uniform, error, key,
 def track_returns(step, mean, covariance, mixtures, jpda, z, count, first, pulse, targets, F, Q, radar, mean_out,
             covariance_out, mixtures_out, nn):  # fmt: skip
     """One step of JPDA or of the mixtures with the returns z[e, i, : count[e, i]] (e, i, m, 2)."""
-    (birth, lifetime), sensors, count_t, n = targets, radar[0], len(targets[0]), len(nn)
+    (birth, lifetime), sensors, count_t, n = targets, radar.sensors, len(targets[0]), len(nn)
     present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
     work, inside = workspace(count_t, nn), np.empty((z.shape[2], 2))
     bank, opened = bank_of(mixtures, nn)
@@ -360,13 +420,13 @@ def track_returns(step, mean, covariance, mixtures, jpda, z, count, first, pulse
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
         predict_hypotheses(e, None, mixtures, present, F, Q, None, mixtures_out, nn)
         for i in range(len(sensors)):
-            is_lit(e, i, present, pulse[2], lit)
+            is_lit(e, i, present, pulse.chance, lit)
             predict_scan(e, i, x, P, lit, pulse, radar, work, nn)
             gates = gates_of(e, i, mixtures_out, lit, radar, work, bank, opened, nn)
             kept = keep_in_gates(z[e, i], count[e, i], gates, inside)
             track(
-                e, i, np.uint64(0), present, lit, x, P, None, None, mixtures_out, jpda, inside, kept, radar, work, bank,
-                nn
+                e, i, np.uint64(0), present, lit, x, P, None, None, mixtures_out, jpda, inside, kept, pulse, radar,
+                work, bank, nn
             )  # fmt: skip
         for t in range(count_t):
             copy_one(t, x, P, mean_out[e], covariance_out[e], nn)
@@ -388,13 +448,18 @@ def keep_in_gates(z, count, gates, inside):
 
 @kernel
 def noise_of_returns(i, z, pulse, radar, R):
-    """R (e, m, 2, 2) = C / eta of sensor i's pulse at the ranges of its returns z (e, m, 2)."""
+    """R (e, m, 2, 2) of sensor i's pulse, as predicted at the ranges of its returns z (e, m, 2)."""
     for e in range(len(z)):
         for m in range(z.shape[1]):
-            weakness = weakness_one(e, i, z[e, m, 0], pulse[1], radar)
-            _, C00, C01, C11 = echo_of(e, i, z[e, m, 0], pulse, radar)
-            R[e, m, 0, 0], R[e, m, 0, 1], R[e, m, 1, 1] = weakness * C00, weakness * C01, weakness * C11
+            _, R[e, m, 0, 0], R[e, m, 0, 1], R[e, m, 1, 1] = expected_echo_of(e, i, z[e, m, 0], pulse, radar)
             R[e, m, 1, 0] = R[e, m, 0, 1]
+
+
+@kernel
+def densities(i, pulse, radar, density):
+    """density (e,) of sensor i's false returns, as the tracker takes it."""
+    for e in range(len(density)):
+        density[e] = max(density_of(e, i, pulse, radar), LEAST_DENSITY)
 
 
 @kernel
@@ -407,7 +472,7 @@ def assume(i, step, mean, covariance, pulse, targets, radar, lit_out, noise, pd,
     present, work = np.empty(lit_out.shape[1], np.bool_), workspace(lit_out.shape[1], nn)
     for e in range(len(step)):
         is_present(step[e] + 1, targets[0], targets[1], present)
-        is_lit(e, i, present, pulse[2], lit_out[e])
+        is_lit(e, i, present, pulse.chance, lit_out[e])
         predict_scan(e, i, mean[e], covariance[e], lit_out[e], pulse, radar, work, nn)
         for t in range(len(present)):
             pd[e, t] = work[5][t] if lit_out[e, t] else 0.0
@@ -464,14 +529,15 @@ def hand_over(e, t, first, mean, particles, mixtures, nn):
 
 
 @kernel
-def track(e, i, own, present, lit, x, P, particles, cloud, mixtures, jpda, z, count, radar, work, bank, nn):
+def track(e, i, own, present, lit, x, P, particles, cloud, mixtures, jpda, z, count, pulse, radar, work, bank, nn):
     """Update the belief x (t, n), P (t, n, n) of environment e with sensor i's scan z[: count].
 
     The tracker is the particles in ``cloud``, mixtures, or JPDA. x and P are the moments of particles or mixtures.
     ``own``: the environment's random numbers in this step.
     """
     centre, S, L, G, _, pd, _ = work
-    density, gate, gate_probability = max(radar[4], LEAST_DENSITY), radar[5], radar[6]
+    density = max(density_of(e, i, pulse, radar), LEAST_DENSITY)
+    gate, gate_probability = radar.gate, radar.gate_probability
     if mixtures is not None:
         mixture_of = mixture_at(e, mixtures)
         gaussian_mixture.update_mixtures(
@@ -479,16 +545,16 @@ def track(e, i, own, present, lit, x, P, particles, cloud, mixtures, jpda, z, co
         )
         gaussian_mixture.moments(mixture_of, present, x, P, nn)
     if particles is not None:
-        track_particles(i, own, present, lit, x, P, cloud, z, count, radar, work, nn)
+        track_particles(i, own, present, lit, x, P, cloud, z, count, density, radar, work, nn)
     if jpda is not None:
         update_targets(lit, x, P, z, count, pd, centre, L, S, G, gate, gate_probability, density, nn)
 
 
 @kernel
-def track_particles(i, own, present, lit, x, P, cloud, z, count, radar, work, nn):
+def track_particles(i, own, present, lit, x, P, cloud, z, count, density, radar, work, nn):
     """Update the particles of ``cloud``, and their moments x (t, n), P (t, n, n), with sensor i's scan z[: count]."""
     (centre, _, L, _, N, pd, _), (Y, U, log_weight, weight) = work, cloud
-    sensors, density, gate, gate_probability = radar[0], max(radar[4], LEAST_DENSITY), radar[5], radar[6]
+    sensors, gate, gate_probability = radar.sensors, radar.gate, radar.gate_probability
     update_particles(
         stream(own, len(sensors) + i), lit, Y, U, log_weight, z, count, pd, N, sensors[i, 0], sensors[i, 1],
         (centre, L, gate, gate_probability), density, nn

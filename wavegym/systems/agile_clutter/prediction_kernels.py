@@ -1,7 +1,7 @@
 """Prediction of the agile-clutter loop for schedulers: unscented covariances, sensor after sensor.
 
-Sira et al., eqs. (13) and (14) with the bracket corrected: P - q2 Pxz (Pzz + N)^-1 Pxz', N = C / eta at the predicted
-range, q2 the information reduction factor. Axes and argument groups as in ``kernels``; c candidate.
+Sira et al., eqs. (13) and (14) with the bracket corrected: P - q2 Pxz (Pzz + N)^-1 Pxz', N = C over the effective eta
+at the predicted range, q2 the information reduction factor. Axes and argument groups as in ``kernels``; c candidate.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -10,25 +10,34 @@ from __future__ import annotations
 import numpy as np
 
 from wavegym.core.kernels import kernel
-from wavegym.sensors.detection_kernels import detection, inverse_snr
-from wavegym.systems.agile_clutter.kernels import echo, echo_of, is_lit, is_present, predict_targets, row, weakness_one
+from wavegym.sensors.detection_kernels import inverse_snr
+from wavegym.systems.agile_clutter.kernels import (
+    density_of,
+    expected_echo,
+    expected_echo_of,
+    is_lit,
+    is_present,
+    predict_targets,
+    row,
+)
+from wavegym.systems.agile_clutter.state import Pulse
 from wavegym.trackers.jpda_kernels import GATE, gain_one, reduction_one, shrink_one
 from wavegym.trackers.kernels import squared_mahalanobis_one
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 
 @kernel
-def reduction(pd, S, radar, q2):
-    """The factor q2 for the innovation covariance S, given as its three entries.
+def reduction(pd, S, density, q2):
+    """The factor q2 for the innovation covariance S, given as its three entries, and a density of false returns.
 
     The table was made for one gate. q2 depends on the clutter density, so every q2 is read at the area of that gate.
     """
     area = np.pi * GATE * GATE * np.sqrt(S[0] * S[2] - S[1] * S[1])
-    return reduction_one(pd, np.log(radar[4] * area), q2[0], q2[1], q2[2])
+    return reduction_one(pd, np.log(density * area), q2[0], q2[1], q2[2])
 
 
 @kernel
-def information(pd, chance, S, radar, q2, draw):
+def information(pd, chance, S, density, q2, draw):
     """Predicted share of the full update.
 
     Expectation (draw < 0): q2 times the probability that the target is visible. With a uniform draw: q2 / Pd for a
@@ -36,30 +45,29 @@ def information(pd, chance, S, radar, q2, draw):
     gate.
     """
     if draw < 0.0:
-        return chance * reduction(pd, S, radar, q2)
+        return chance * reduction(pd, S, density, q2)
     if draw >= chance * pd:
         return 0.0
-    return reduction(pd, S, radar, q2) / pd if radar[4] > 0.0 else 1.0
+    return reduction(pd, S, density, q2) / pd if density > 0.0 else 1.0
 
 
 @kernel
 def predict_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn):
     """Update P (t, n, n) by sensor i's pulse; draws[e, i, t]: uniform, or negative for the expected outcome."""
-    sensors, log_pf, chance = radar[0], radar[3], pulse[2]
+    sensors, chance, density = radar.sensors, pulse.chance, density_of(e, i, pulse, radar)
     for t in range(len(lit)):
         if lit[t]:
             predict_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
-            weakness = weakness_one(e, i, z[t, 0], pulse[1], radar)
-            visible, C00, C01, C11 = echo_of(e, i, z[t, 0], pulse, radar)
-            if visible == 0.0:
+            pd, R00, R01, R11 = expected_echo_of(e, i, z[t, 0], pulse, radar)
+            if pd == 0.0:
                 continue
-            S[t, 0, 0] += weakness * C00
-            S[t, 0, 1] += weakness * C01
-            S[t, 1, 0] += weakness * C01
-            S[t, 1, 1] += weakness * C11
+            S[t, 0, 0] += R00
+            S[t, 0, 1] += R01
+            S[t, 1, 0] += R01
+            S[t, 1, 1] += R11
             entries = (S[t, 0, 0], S[t, 0, 1], S[t, 1, 1])
-            pd, seen = detection(visible / weakness, log_pf), chance[row(e, chance), i, t]
-            share = information(pd, seen, entries, radar, q2, draws[row(e, draws), i, t])
+            draw = draws[row(e, draws), i, t]
+            share = information(pd, chance[row(e, chance), i, t], entries, density, q2, draw)
             gain_one(t, G, S, K, nn)
             shrink_one(t, P, K, share * entries[0], share * entries[1], share * entries[2], nn)
 
@@ -76,8 +84,8 @@ def predict(step, mean, covariance, pulse, draws, targets, F, Q, radar, q2, x_ou
     for e in range(len(step)):
         is_present(step[e] + 1, birth, lifetime, present)
         predict_targets(e, mean, covariance, present, F, Q, x, P, nn)
-        for i in range(len(radar[0])):
-            is_lit(e, i, present, pulse[2], lit)
+        for i in range(len(radar.sensors)):
+            is_lit(e, i, present, pulse.chance, lit)
             predict_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn)
         for t in range(count_t):
             for a in range(n):
@@ -96,13 +104,13 @@ def predict_present(step, mean, covariance, targets, F, Q, x_out, P_out, present
 
 
 @kernel
-def sensor_costs(i, x, P, present, C, windows, weights, radar, q2, cost, nn):
-    """cost (e, c) = trace(Lambda P) after sensor i's pulse with C (e or 1, c, 2, 2) at unit SNR, windows (same, c, 10).
+def sensor_costs(i, x, P, present, C, windows, alarm, weights, radar, q2, cost, nn):
+    """cost (e, c) = trace(Lambda P) after sensor i's pulse with C (e or 1, c, 2, 2) at unit SNR, windows (same, c, 10)
+    and row of its threshold alarm (c,).
 
-    The unscented transform, eta and Pd of a whole pulse do not depend on the pulse and are computed once. Each
-    candidate then takes one 2 x 2 inverse and one interpolation per target.
+    The unscented transform and eta do not depend on the pulse and are computed once.
     """
-    sensors, reference, nearest, log_pf = radar[0], radar[1], radar[2], radar[3]
+    sensors = radar.sensors
     count_t, n = present.shape[1], len(nn)
     A, z, S = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2))
     G = np.empty((count_t, n, 2))
@@ -114,8 +122,7 @@ def sensor_costs(i, x, P, present, C, windows, weights, radar, q2, cost, nn):
             if not present[e, t]:
                 continue
             predict_measurement_one(t, t, x[e], P[e], sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
-            weakness = inverse_snr(z[t, 0], reference, nearest)
-            pd_whole = detection(1.0 / weakness, log_pf)
+            weakness = inverse_snr(z[t, 0], radar.reference, radar.nearest)
             before = g00 = g01 = g11 = 0.0
             for a in range(n):
                 before += weights[a] * P[e, t, a, a]
@@ -123,29 +130,32 @@ def sensor_costs(i, x, P, present, C, windows, weights, radar, q2, cost, nn):
                 g01 += weights[a] * G[t, a, 0] * G[t, a, 1]
                 g11 += weights[a] * G[t, a, 1] * G[t, a, 1]
             for c in range(C.shape[1]):
-                visible, C00, C01, C11 = echo(
-                    z[t, 0], C[row, c, 0, 0], C[row, c, 0, 1], C[row, c, 1, 1], c, windows[row], radar
+                C00, C01, C11 = C[row, c, 0, 0], C[row, c, 0, 1], C[row, c, 1, 1]
+                pd, R00, R01, R11 = expected_echo(
+                    z[t, 0], weakness, C00, C01, C11, c, windows[row], alarm[c], radar
                 )  # fmt: skip
-                if visible == 0.0:
+                if pd == 0.0:
                     cost[e, c] += before
                     continue
-                pd = pd_whole if visible == 1.0 else detection(visible / weakness, log_pf)
-                s0, s1, s2 = S[t, 0, 0] + weakness * C00, S[t, 0, 1] + weakness * C01, S[t, 1, 1] + weakness * C11
+                s0, s1, s2 = S[t, 0, 0] + R00, S[t, 0, 1] + R01, S[t, 1, 1] + R11
+                density = radar.clutter + radar.noise[alarm[c]] / np.sqrt(C00 * C11 - C01 * C01)
                 gained = (g00 * s2 - 2.0 * g01 * s1 + g11 * s0) / (s0 * s2 - s1 * s1)
-                cost[e, c] += before - reduction(pd, (s0, s1, s2), radar, q2) * gained
+                cost[e, c] += before - reduction(pd, (s0, s1, s2), density, q2) * gained
 
 
 @kernel
-def after_sensor(i, x, P, present, C, windows, radar, q2, P_out, nn):
-    """P_out (e, t, n, n) after sensor i's pulse with C (e, 2, 2), windows (e, 10), before the next sensor's pulse."""
+def after_sensor(i, x, P, present, C, windows, alarm, radar, q2, P_out, nn):
+    """P_out (e, t, n, n) after sensor i's pulse with C (e, 2, 2), windows (e, 10) and row of its threshold alarm (e,),
+    before the next sensor's pulse.
+    """
     count_t, n = present.shape[1], len(nn)
     A, z, S = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2))
     G, K = np.empty((count_t, n, 2)), np.empty((n, 2))
     draws = np.full((1, i + 1, count_t), -1.0)
-    own, window = np.empty((1, i + 1, 2, 2)), np.zeros((1, i + 1), np.int64)
-    pulse = (own, np.ones((1, i + 1)), np.ones((1, i + 1, count_t)), window, windows)
+    own, window, threshold = np.empty((1, i + 1, 2, 2)), np.zeros((1, i + 1), np.int64), np.zeros((1, i + 1), np.int64)
+    pulse = Pulse(own, np.ones((1, i + 1)), np.ones((1, i + 1, count_t)), threshold, window, windows)
     for e in range(len(x)):
-        window[0, i] = e
+        window[0, i], threshold[0, i] = e, alarm[e]
         for a in range(2):
             for b in range(2):
                 own[0, i, a, b] = C[e, a, b]
@@ -175,7 +185,7 @@ def observe(step, mean, covariance, horizon, targets, F, Q, radar, out, nn):
     The fields of a slot without a target at that time are 0.
     """
     birth, lifetime = targets
-    sensors, reference, nearest = radar[0], radar[1], radar[2]
+    sensors, reference, nearest = radar.sensors, radar.reference, radar.nearest
     count_t, n = len(birth), len(nn)
     present = np.empty(count_t, np.bool_)
     x, P = np.empty((count_t, n)), np.empty((count_t, n, n))

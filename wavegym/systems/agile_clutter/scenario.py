@@ -16,10 +16,18 @@ from wavegym.core.arrays import Array, for_kernel
 from wavegym.core.covariances import check_precision
 from wavegym.core.errors import InputError, check_positive, check_within
 from wavegym.core.horizon_weights import LinearCost
-from wavegym.core.parameters import Positive, parameter, system_parameters
+from wavegym.core.parameters import Positive, Probability, parameter, system_parameters
 from wavegym.core.system import System
 from wavegym.core.traits import TimedPulses
-from wavegym.sensors import gate_probability, range_and_rate, range_and_rate_jacobian, range_law_snr
+from wavegym.sensors import (
+    echo_law,
+    false_return_density,
+    gate_probability,
+    range_and_rate,
+    range_and_rate_jacobian,
+    range_law_snr,
+)
+from wavegym.sensors.trains import LOWEST_THRESHOLD
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
 from wavegym.systems.agile_clutter.actions import ChirpActions
@@ -46,6 +54,7 @@ from wavegym.trackers.protocol import Tracker, TrackerWithMemory, given_tracker
 from wavegym.waveforms import PulseTiming, check_range_folds, check_time_on_target, pulse_timings
 from wavegym.waveforms.timing import ENERGY
 
+SEARCHED = 2  # quantities over which a receiver takes the greatest value: delay and Doppler
 MOST_SENSORS = 16
 MOST_STARTS = 256  # of a recording, at which the clutter in the gates is checked
 
@@ -85,9 +94,38 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         unit="m^2, m^2/s^2",
         truth=True,
     )
-    false_alarm: float = parameter(0.01, "false alarm probability Pf", truth=True, gt=0, lt=1)
+    snr_law: Literal["realised", "printed"] = parameter(
+        "realised",
+        '"realised": the SNR of each echo decides on detection and errors, and noise has false returns; "printed": '
+        "Pd = Pf^(1 / (1 + eta)), errors at the mean SNR, and no false returns of noise",
+        unit="",
+    )
+    fluctuation: Literal["swerling0", "swerling1", "swerling2", "swerling3", "swerling4"] = parameter(
+        "swerling1",
+        "fluctuation of echoes from step to step; a pulse or coherent train is one look, so swerling2 equals swerling1 "
+        "and swerling4 equals swerling3",
+        unit="",
+        truth=True,
+    )
+    false_alarm: float = parameter(
+        0.01, "false alarm probability Pf of a cell, which sets the threshold", truth=True, gt=0, lt=1
+    )
+    false_alarms: tuple[Probability, ...] = parameter(
+        (), "several Pf in place of false_alarm: a sensor chooses one with its waveform", unit=""
+    )
+    alarm_density: float | None = parameter(
+        None,
+        "density of the false returns of noise, the same for all waveforms; each waveform then has its own threshold, "
+        "in place of false_alarm",
+        unit="s/m^2",
+        gt=0,
+    )
     clutter_density: float = parameter(
-        1e-4, "false returns per m of range and m/s of range-rate", unit="s/m^2", truth=True, ge=0
+        1e-4,
+        "density of other false returns, per m of range and m/s of range-rate",
+        unit="s/m^2",
+        truth=True,
+        ge=0,
     )
     gate: float = parameter(4.0, "radius of the validation gates in standard deviations", gt=0)
     weights: NonNegativeState = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of Lambda", unit="1, s^2")
@@ -131,6 +169,7 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         check_positive("sum of weights", sum(self.weights))
         self._given_tracker  # noqa: B018  (an invalid tracker is reported here)
         self._check_library()
+        self._check_thresholds()
         self._check_targets()
         self._recorded  # noqa: B018  (an invalid recording is reported here)
         self._check_clutter()
@@ -150,6 +189,33 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
             if field.name in ("laws", "durations", "sweeps") and getattr(self, field.name) != field.default:
                 given = f"{field.name} is {getattr(self, field.name)} with library="
                 raise InputError(f"{given}, expected one of the two: the library takes the place of the chirps")
+
+    def _check_thresholds(self) -> None:
+        """InputError for thresholds that do not fit together, or that lie in the noise."""
+        several = [name for name in ("false_alarms", "alarm_density") if getattr(self, name)]
+        if several and self.snr_law == "printed":
+            raise InputError(f"{several[0]} is given with snr_law='printed', expected snr_law='realised'")
+        if several and self.action == "box":
+            raise InputError(f"{several[0]} is given with action='box', expected action='library' or 'joint'")
+        if len(several) > 1:
+            raise InputError("false_alarms and alarm_density are given, expected one of the two")
+        if several and self.false_alarm != type(self).false_alarm:
+            given = f"false_alarm is {self.false_alarm!r} with {several[0]}="
+            raise InputError(f"{given}, expected one of the two: it takes the place of false_alarm")
+        if len(set(self.false_alarms)) < len(self.false_alarms):
+            raise InputError(f"false_alarms is {self.false_alarms}, expected each probability once")
+        if self.snr_law == "printed" and self.fluctuation != "swerling1":
+            raise InputError(f"fluctuation is {self.fluctuation!r} with snr_law='printed', expected 'swerling1'")
+        if self.alarm_density:
+            greatest = float(false_return_density(self.action_set.sensor_covariances, LOWEST_THRESHOLD).min())
+            if self.alarm_density > greatest:
+                wanted = f"at most {greatest:.6g}: beyond it the noise peaks of the coarsest waveform merge"
+                raise InputError(f"alarm_density is {self.alarm_density:g} s/m^2, expected {wanted}")
+        most = float(f"{math.exp(-LOWEST_THRESHOLD):.3g}")
+        for alarm in () if self.snr_law == "printed" else self.false_alarms or (self.false_alarm,):
+            if alarm > most:
+                wanted = f"at most {most:g} (nearest): below that threshold the peaks of noise merge"
+                raise InputError(f"false alarm probability is {alarm!r}, expected {wanted}")
 
     def _check_targets(self) -> None:
         """InputError for numbers of sensors and targets, or times, that do not make a scenario."""
@@ -223,7 +289,10 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
     def action_set(self) -> ChirpActions:
         """The chirps of all sensors in the form that ``action`` names."""
         chirps = (self.laws, self.durations, self.sweeps, self.carrier_hz)
-        return ChirpActions(*chirps, len(self.sensors), self.action, own=self.library, eclipsing=self.eclipsing)
+        return ChirpActions(
+            *chirps, len(self.sensors), self.action, own=self.library, eclipsing=self.eclipsing,
+            false_alarms=self.false_alarms or (self.false_alarm,), alarm_density=self.alarm_density,
+        )  # fmt: skip
 
     @property
     def actions(self) -> PerSensorLibrary | JointLibrary | ParameterBox:
@@ -244,11 +313,18 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         return self.motion.F[None].copy(), self.motion.Q[None].copy()
 
     @cached_property
-    def _radar(self) -> tuple[Any, ...]:
-        """Sensors, detection, clutter and gates, as ``kernels`` lists them."""
-        law = (self.reference_range, self.nearest_range, math.log(self.false_alarm))
-        gates = (self.clutter_density, self.gate, float(gate_probability(self.gate)))
-        return (np.array(self.sensors), *law, *gates, self.carrier_hz, self.action_set.tables)
+    def _radar(self) -> kernels.Radar:
+        """Sensors, their laws, clutter and gates."""
+        alarms, is_printed = self.action_set.thresholds[0], self.snr_law == "printed"
+        if is_printed:
+            law, noise = echo_law(alarms, energy=1.0, realised=False), np.zeros(len(alarms))
+        else:
+            law = echo_law(alarms, self.fluctuation, SEARCHED)
+            noise = false_return_density(np.eye(2), law.threshold)  # of a cell with det C = 1
+        return kernels.Radar(
+            np.array(self.sensors), self.reference_range, self.nearest_range, law, noise, self.clutter_density,
+            self.gate, float(gate_probability(self.gate)), self.carrier_hz, self.action_set.tables,
+        )  # fmt: skip
 
     @cached_property
     def linear_cost(self) -> LinearCost:

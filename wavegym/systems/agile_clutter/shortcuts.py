@@ -37,7 +37,7 @@ def transmit(system: AgileClutter, state: State, pulse: Pulse, world: World) -> 
     given = kernel_hypotheses(hypotheses)
     fresh = [trees.tree_map(np.empty_like, each) for each in given[:2]]
     kernels.transition(
-        step, mean, covariance, *given, truth.path, truth.first, world.detection, world.error, world.key,
+        step, mean, covariance, *given, truth.path, truth.first, world.error, world.key,
         pulse.rows((len(step), 1)), system._targets, system.truth_model._radar, *system._model, system._radar, x, P,
         *fresh, true_states, outside, scan, system.counts_every_sensor, NN
     )  # fmt: skip
@@ -60,11 +60,13 @@ def best_action(system: AgileClutter, belief: Belief) -> Array:
     It is not always the best joint choice: a later sensor's pulse may favour another pulse at an earlier sensor.
     """
     predicted, choices = system.predicted_targets(belief), []
-    C, windows = system.action_set.sensor_covariances, system.action_set.sensor_windows
+    pulses = system.action_set
+    C, windows, alarm = pulses.sensor_covariances, pulses.sensor_windows, pulses.thresholds[1]
     for i in range(len(system.sensors)):
-        choices.append(sensor_costs(system, predicted, i, C[None], windows[None]).argmin(axis=1))
+        choices.append(sensor_costs(system, predicted, i, C[None], windows[None], alarm).argmin(axis=1))
         if i + 1 < len(system.sensors):
-            predicted = after_sensor(system, predicted, i, C[choices[-1]], windows[choices[-1]])
+            chosen = choices[-1]
+            predicted = after_sensor(system, predicted, i, C[chosen], windows[chosen], alarm[chosen])
     return system.action_set.encode(np.stack(choices, axis=1))
 
 
@@ -74,25 +76,27 @@ def sensor_by_sensor(system: AgileClutter) -> SensorBySensor:
     return SensorBySensor(system.predicted_targets, partial(sensor_costs, system), partial(after_sensor, system))
 
 
-def sensor_costs(system: AgileClutter, predicted: PredictedTargets, sensor: int, C: Array, windows: Array) -> Array:
-    """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR and
-    receive windows (env or 1, candidate, 10).
+def sensor_costs(
+    system: AgileClutter, predicted: PredictedTargets, sensor: int, C: Array, windows: Array, alarm: Array
+) -> Array:
+    """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR,
+    receive windows (env or 1, candidate, 10) and rows of thresholds (candidate,).
     """
     cost = np.empty((len(predicted.mean), C.shape[1]))
     prediction.sensor_costs(
-        sensor, *predicted, C, for_kernel(windows), system._weights, system._radar, reduction_table(), cost, NN
+        sensor, *predicted, C, for_kernel(windows), alarm, system._weights, system._radar, reduction_table(), cost, NN
     )
     return cost
 
 
 def after_sensor(
-    system: AgileClutter, predicted: PredictedTargets, sensor: int, C: Array, windows: Array
+    system: AgileClutter, predicted: PredictedTargets, sensor: int, C: Array, windows: Array, alarm: Array
 ) -> PredictedTargets:
-    """The belief after this sensor's pulse with C (env, 2, 2) at unit SNR and receive windows (env, 10), before the
-    next sensor's pulse.
+    """The belief after this sensor's pulse with C (env, 2, 2) at unit SNR, receive windows (env, 10) and rows of
+    thresholds (env,), before the next sensor's pulse.
     """
     P = np.empty(predicted.covariance.shape)
-    prediction.after_sensor(sensor, *predicted, C, for_kernel(windows), system._radar, reduction_table(), P, NN)
+    prediction.after_sensor(sensor, *predicted, C, for_kernel(windows), alarm, system._radar, reduction_table(), P, NN)
     return predicted._replace(covariance=P)
 
 

@@ -37,9 +37,8 @@ class World(NamedTuple):
 
     start: Array  # (target, 4) normal: error of the first estimate
     process: Array  # (target, lifetime, 4) normal: manoeuvres
-    detection: Array  # (H, sensor, target) uniform: detected where below Pd
     error: Array  # (H, sensor, target, 2) normal: measurement error
-    key: Array  # () uint64: key of the counter-based draws (clutter, particles)
+    key: Array  # () uint64: key of the counter-based draws (echoes, false returns, particles)
 
 
 class Truth(NamedTuple):
@@ -77,19 +76,20 @@ class Pulse(NamedTuple):
     C: Array  # (env, candidate, sensor, 2, 2) measurement covariance at unit SNR of the whole pulse
     strength: Array  # (env, candidate, sensor) > 0: factor on the SNR of the range law
     chance: Array  # (env, candidate, sensor, target) probability of illuminating a visible target; 0 opens no gate
+    alarm: Array  # (env, candidate, sensor) int: row of the receiver's threshold
     window: Array  # (env, candidate, sensor) int: row of ``windows``
     windows: Array  # (row, 10) pulses and their receive windows, see ``wavegym.sensors.eclipsing.receive_windows``
 
-    def rows(self, shape: tuple[int, int]) -> tuple[Array, ...]:
+    def rows(self, shape: tuple[int, int]) -> Pulse:
         """The fields with one flat axis for (env, candidate) of ``shape``, or of length 1 where all share a pulse."""
-        flat = []
-        for array in self[:-1]:
+        flat = {}
+        for name, array in zip(self._fields[:-1], self, strict=False):
             if array.shape[:2] == (1, 1):
-                flat.append(array[0])
+                flat[name] = array[0]
             else:
                 full = array if array.shape[:2] == shape else np.broadcast_to(array, shape + array.shape[2:])
-                flat.append(for_kernel(full).reshape(-1, *array.shape[2:]))
-        return *flat, self.windows
+                flat[name] = for_kernel(full).reshape(-1, *array.shape[2:])
+        return self._replace(**flat)
 
 
 class PredictedTargets(NamedTuple):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -68,36 +67,34 @@ class GivenTracker:
     tracker: Tracker
     motion: MotionModel
     targets: tuple[Array, int]
-    radar: tuple[Any, ...]
+    radar: kernels.Radar
 
-    def follow(self, belief: Any, pulse: tuple[Array, ...], measurements: Any) -> Any:
+    def follow(self, belief: Any, pulse: Pulse, measurements: Any) -> Any:
         """The belief one step later: one update for each sensor; targets that it cannot detect keep their estimate."""
         step, (births, lifetime) = belief.step, self.targets
         is_here = (births < step[:, None] + 1) & (step[:, None] + 1 <= births + lifetime)
         before = Estimate(belief.mean, belief.covariance, *(belief.hypotheses or ()))
         now = check_kept(self.tracker, before, self.tracker.predict(before, self.motion))
         now = of_targets(is_here, now, before)
-        for i in range(len(self.radar[0])):
+        for i in range(len(self.radar.sensors)):
             is_lit, scan = self._scan(i, now, step, pulse, measurements)
             now = of_targets(is_lit, check_kept(self.tracker, now, self.tracker.update(now, scan)), now)
         mean = np.where((births == step[:, None] + 1)[..., None], measurements.first, now.mean)
         return belief._replace(step=step + 1, mean=mean, covariance=now.covariance, hypotheses=_kept(now))
 
-    def _scan(
-        self, i: int, now: Estimate, step: Array, pulse: tuple[Array, ...], measurements: Any
-    ) -> tuple[Array, Scan]:
+    def _scan(self, i: int, now: Estimate, step: Array, pulse: Pulse, measurements: Any) -> tuple[Array, Scan]:
         """Which targets sensor i may detect, (env, target) bool, and its scan, for a tracker that believes ``now``."""
-        sensors, density = self.radar[0], self.radar[4]
         lit, pd = np.empty(now.mean.shape[:2], np.bool_), np.empty(now.mean.shape[:2])
         noise = np.empty((*pd.shape, 2, 2))
         kernels.assume(i, step, now.mean, now.covariance, pulse, self.targets, self.radar, lit, noise, pd, NN)
         z, present = measurements.z[:, i], measurements.present[:, i]
         R = np.empty((*z.shape, 2))
         kernels.noise_of_returns(i, for_kernel(z), pulse, self.radar, R)
-        place = sensors[i]
+        place, density = self.radar.sensors[i], np.empty(len(step))
+        kernels.densities(i, pulse, self.radar, density)
         model = MeasurementModel(lambda x: range_and_rate(x, place), lambda x: range_and_rate_jacobian(x, place))
         origin = np.full(present.shape, UNKNOWN)
-        return lit, Scan(z, present, origin, R, model, pd, noise, max(density, kernels.LEAST_DENSITY))
+        return lit, Scan(z, present, origin, R, model, pd, noise, density)
 
 
 def _kept(estimate: Estimate) -> Kept | None:
@@ -112,15 +109,26 @@ class AgileClutter(ClutterScenario, DecisionMakers):
 
     Description
         Each target's state is [x y xdot ydot] (m, m/s). It moves as x_k = F x_{k-1} + w_k with white acceleration of
-        density q (eqs. 1 and 2). Sensor i measures range and range-rate of every target with covariance N = C / eta
-        (section 3.2). C is the inverse Fisher information of its chirp at unit SNR, and eta = (r0 / r)^4. A target is
-        detected with probability Pd = Pf^(1 / (1 + eta)). The world uses eta at the true range, tracker and schedulers
-        at the predicted range. Long, wide chirps measure best; phase functions differ in the correlation of range and
-        range-rate errors.
+        density q (eqs. 1 and 2). Sensor i measures range and range-rate of every target. C is the inverse Fisher
+        information of its chirp at unit SNR (section 3.2). Long, wide chirps measure best; phase functions differ in
+        the correlation of range and range-rate errors.
 
-        Clutter is a Poisson field over range and range-rate, new at every step and sensor, and the same for all pulses
-        and trackers. The tracker uses the returns inside its validation gates. A pulse with large errors has large
-        gates, so it also admits more clutter.
+        The echo's mean SNR is eta = 2E/N0 = (r0 / r)^4. Its realised SNR fluctuates from step to step
+        (``fluctuation``). The target is detected if the receiver's output, with noise, exceeds T = -ln Pf; the receiver
+        takes the greatest value over delay and Doppler about the echo. The errors have covariance C / max(realised eta,
+        1). The tracker and the schedulers know only the mean: they assume Pd and the mean covariance of detected
+        echoes, at the predicted range. Weak echoes have rare, large errors, and the tracker often takes such a return
+        for a false one. With ``snr_law="printed"``, Pd = Pf^(1 / (1 + eta)), the errors are those of the mean eta, and
+        noise has no false returns, as in the paper.
+
+        False returns are a Poisson field over range and range-rate, new at every step and sensor. Other clutter has
+        ``clutter_density`` with all pulses. Noise has (2 T - 1) exp(-T) / (2 pi sqrt(det C)) peaks per m and m/s: a
+        finer pulse has more resolution cells. The tracker uses the returns inside its validation gates. A pulse with
+        large errors has large gates, so it also admits more clutter.
+
+        A lower threshold detects weaker echoes and more noise. With ``false_alarms`` a sensor chooses its threshold
+        with its waveform (Hong et al.). With ``alarm_density`` every waveform has the threshold that gives this density
+        of false returns of noise.
 
         A receiver is off while its own radar transmits (``eclipsing``). Of an echo that arrives earlier it receives
         only the last part, through a gate fixed in time, with less SNR and information. An echo with less than 2 % of
@@ -150,6 +158,9 @@ class AgileClutter(ClutterScenario, DecisionMakers):
     References
         S. P. Sira, A. Papandreou-Suppappola, D. Morrell and D. Cochran, "Waveform-agile sensing for tracking multiple
         targets in clutter".
+
+        S.-M. Hong, R. J. Evans and H.-S. Shin, "Optimization of waveform and detection threshold for range and
+        range-rate tracking in clutter", IEEE Trans. Aerosp. Electron. Syst. 41(1), 2005.
     """
 
     # Whether returns outside their gates and clutter points count at every sensor, as in the paper, or only at the
@@ -180,7 +191,6 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         return World(
             rng.standard_normal((S, 4)),
             rng.standard_normal((S, self.lifetime, 4)),
-            rng.random((H, sensors, S)),
             rng.standard_normal((H, sensors, S, 2)),
             np.asarray(rng.integers(2**64, dtype=np.uint64)),
         )
@@ -245,8 +255,8 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         outside, scan = np.zeros((len(step), targets), np.int64), np.zeros((len(step), 2))
         mixtures = kernel_hypotheses(belief.hypotheses)[1]
         found = kernels.measure(
-            *belief[:3], mixtures, trees.tree_map(np.empty_like, mixtures), truth.targets, world.detection, world.error,
-            world.key, pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model, self._radar,
+            *belief[:3], mixtures, trees.tree_map(np.empty_like, mixtures), truth.targets, world.error, world.key,
+            pulse.rows((len(step), 1)), self._targets, self.truth_model._radar, *self._model, self._radar,
             count, outside, scan, NN
         )  # fmt: skip
         self._check_clutter_of_step(step, scan)
@@ -303,13 +313,13 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         after = self._predict_pulse(many, pulse.rows(shape), outcome)
         return trees.tree_map(lambda leaf: leaf.reshape(shape + leaf.shape[1:]), after) if several else after
 
-    def _predict_pulse(self, belief: Any, pulse: Sequence[Array], draws: Array | None) -> Belief:
+    def _predict_pulse(self, belief: Any, pulse: Pulse, draws: Array | None) -> Belief:
         """``predict`` with any pulse and draws, all with one flat axis: for systems that add a resource."""
         draws = -self._full_illumination[1][0] if draws is None else for_kernel(draws)  # negative: expected
         step, mean, covariance = map(for_kernel, belief[:3])
         x, P = np.empty(mean.shape), np.empty(covariance.shape)
         prediction.predict(
-            step, mean, covariance, tuple(pulse), draws, self._targets, *self._model, self._radar, reduction_table(),
+            step, mean, covariance, pulse, draws, self._targets, *self._model, self._radar, reduction_table(),
             x, P, NN
         )  # fmt: skip
         return Belief(step + 1, x, P, None)
@@ -317,7 +327,9 @@ class AgileClutter(ClutterScenario, DecisionMakers):
     def pulse(self, belief: Belief, actions: Array) -> Pulse:
         """The pulses of ``actions`` (env or 1, candidate, ...): here every sensor illuminates all targets."""
         pulses = self.action_set
-        return Pulse(pulses.unit_covariance(actions), *self._full_illumination, *pulses.windows(actions))
+        return Pulse(
+            pulses.unit_covariance(actions), *self._full_illumination, pulses.alarms(actions), *pulses.windows(actions)
+        )
 
     @cached_property
     def _full_illumination(self) -> tuple[Array, Array]:
@@ -362,9 +374,9 @@ class AgileClutter(ClutterScenario, DecisionMakers):
 
     def state_info(self, state: State) -> dict[str, Array]:
         """For each target, 0 unless ``present``: ``position_error`` (m), ``position_variance`` (m^2), ``squared_error``
-        (m^2, weighted with Lambda), ``nees`` (expected: 4) and ``returns_outside`` (how many returns have fallen
-        outside its gates at the first sensor of a step that illuminates it). For the step: ``detections``, and
-        ``clutter`` points inside the gates of targets that no earlier sensor has illuminated. With
+        (m^2, weighted with Lambda), ``nees`` (4 for steady echoes, below for fading ones) and ``returns_outside`` (how
+        many returns have fallen outside its gates at the first sensor of a step that illuminates it). For the step:
+        ``detections``, and ``clutter`` points inside the gates of targets that no earlier sensor has illuminated. With
         ``tracker="particle"``: ``ess`` and ``ancestors``, effective sample size and distinct ancestors as shares of the
         particles. With ``tracker="mixture"``: the ``components`` in use for each target.
         """

@@ -13,8 +13,8 @@ import numpy as np
 
 from wavegym.core.array_kernels import copy_matrices, copy_matrix, copy_vector
 from wavegym.core.kernels import kernel
-from wavegym.sensors.detection_kernels import detection, inverse_snr
-from wavegym.systems.agile_clutter.kernels import echo, predict_targets
+from wavegym.sensors.detection_kernels import inverse_snr
+from wavegym.systems.agile_clutter.kernels import expected_echo, predict_targets
 from wavegym.systems.agile_clutter.prediction_kernels import reduction
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
 from wavegym.trackers.ukf_kernels import predict_measurement_one
@@ -28,23 +28,23 @@ def predict_chirps(i, code, place, x, P, chirps, windows, radar, q2, work, nn):
     once. work: scratch (A, z, S, G, K).
     """
     A, z, S, G, K = work
-    sensors, reference, nearest, log_pf = radar[0], radar[1], radar[2], radar[3]
+    sensors = radar.sensors
     predict_measurement_one(0, code, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
-    weakness = inverse_snr(z[0, 0], reference, nearest)
-    pd_whole = detection(1.0 / weakness, log_pf)
+    weakness = inverse_snr(z[0, 0], radar.reference, radar.nearest)
     spread = (S[0, 0, 0], S[0, 0, 1], S[0, 1, 1])
     for d in range(1, len(chirps) + 1):
         C = chirps[d - 1]
-        visible, C00, C01, C11 = echo(z[0, 0], C[0, 0], C[0, 1], C[1, 1], d - 1, windows, radar)
+        C00, C01, C11 = C[0, 0], C[0, 1], C[1, 1]
+        pd, R00, R01, R11 = expected_echo(z[0, 0], weakness, C00, C01, C11, d - 1, windows, 0, radar)
         for a in range(len(nn)):
             for b in range(len(nn)):
                 P[code + d * place, a, b] = P[code, a, b]
-        if visible == 0.0:
+        if pd == 0.0:
             continue
-        pd = pd_whole if visible == 1.0 else detection(visible / weakness, log_pf)
-        s0, s1, s2 = spread[0] + weakness * C00, spread[1] + weakness * C01, spread[2] + weakness * C11
+        s0, s1, s2 = spread[0] + R00, spread[1] + R01, spread[2] + R11
+        density = radar.clutter + radar.noise[0] / np.sqrt(C00 * C11 - C01 * C01)
         S[0, 0, 0], S[0, 0, 1], S[0, 1, 0], S[0, 1, 1] = s0, s1, s1, s2
-        share = reduction(pd, (s0, s1, s2), radar, q2)
+        share = reduction(pd, (s0, s1, s2), density, q2)
         gain_one(0, G, S, K, nn)
         shrink_one(code + d * place, P, K, share * s0, share * s1, share * s2, nn)
 
@@ -52,7 +52,7 @@ def predict_chirps(i, code, place, x, P, chirps, windows, radar, q2, work, nn):
 @kernel
 def predict_codes(x, P, chirps, windows, radar, q2, M, worth, work, nn):
     """worth (code,): reduction of trace(M P) by each code's chirps; target with mean x (code, n), covariance P[0]."""
-    sensors, base, codes = len(radar[0]), len(chirps) + 1, len(worth)
+    sensors, base, codes = len(radar.sensors), len(chirps) + 1, len(worth)
     place = codes
     for i in range(sensors):
         stride, place = place, place // base

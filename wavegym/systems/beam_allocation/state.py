@@ -13,9 +13,8 @@ class World(NamedTuple):
 
     start: Array  # (target, 4) normal: error of the first estimate
     process: Array  # (target, lifetime, 4) normal: manoeuvres
-    detection: Array  # (H, sensor, target) uniform: detected where below Pd
     error: Array  # (H, sensor, target, 2) normal: measurement error
-    key: Array  # () uint64: key of the counter-based draws of clutter
+    key: Array  # () uint64: key of the counter-based draws of echoes and false returns
     place: Array  # (target, 4) uniform: true start
     window: Array  # (target, n) uniform: windows of visibility
 

@@ -15,6 +15,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Count, Positive, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State
+from wavegym.sensors.eclipsing import NEVER_CUT
 from wavegym.systems.agile_clutter.actions import ChirpActions
 from wavegym.systems.agile_clutter.state import (
     NonNegativeState,
@@ -81,7 +82,7 @@ class BeamActions(ChirpActions):
         return JointLibrary(Library(tuple(labels)), self.sensors)
 
     @property
-    def sensor_library(self) -> tuple[Waveform, ...]:  # type: ignore[override]
+    def sensor_library(self) -> tuple[Waveform | None, ...]:
         """The chirp of each of a sensor's choices."""
         return self.library.entries * self.targets
 
@@ -91,9 +92,19 @@ class BeamActions(ChirpActions):
         return measurement_covariances(self.library, self.carrier_hz)
 
     @property
+    def _waveforms(self) -> Library:
+        """The chirps, each once."""
+        return self.library
+
+    @cached_property
     def library_windows(self) -> Array:
         """The receive windows of the chirps, (chirp, 10)."""
-        return self.sensor_windows[: len(self.library)]
+        return self._eclipsed.windows if self.eclipsing else NEVER_CUT.repeat(len(self.library), axis=0)
+
+    @cached_property
+    def sensor_windows(self) -> Array:
+        """The receive windows of each of a sensor's choices, (choice, 10)."""
+        return np.tile(self.library_windows, (self.targets, 1))
 
     @cached_property
     def sensor_covariances(self) -> Array:
@@ -139,7 +150,8 @@ class BeamAllocation(AgileClutter):
         The receivers' memory limits the product of bandwidth and dwell. A single wide chirp measures range well; a
         coherent train of eight narrow pulses of the same energy measures range-rate well. The train's range-rates fold,
         but every fold lies outside the gates. A return therefore has one meaning, and the tracker needs no fold
-        hypotheses. Every pulse ends before the nearest echo arrives.
+        hypotheses. Every pulse ends before the nearest echo arrives. Echoes fluctuate and noise has false returns as in
+        wavegym/AgileClutter-v0; a train is one look at one realised SNR.
 
         Hills on the map hide targets at times known in advance. A beam at a hidden target receives no return and opens
         no gate. For the cost one step ahead, the range of the least certain target matters most. Over several steps,
@@ -186,6 +198,8 @@ class BeamAllocation(AgileClutter):
     counts: tuple[Count, ...] = parameter((1, 8), "number of coherent pulses of each chirp, as many as durations")
     interval: float = parameter(250e-6, "time between the pulses of a train", unit="s", gt=0)
     library: None = parameter(None, "not used", unit="")
+    false_alarms: tuple[()] = parameter((), "not used", unit="")
+    alarm_density: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "a target and a chirp for every sensor, in one index", unit="")
     spread: NonNegativeState = parameter(
         (1e3, 1e3, 100.0, 100.0),
@@ -225,6 +239,7 @@ class BeamAllocation(AgileClutter):
             counts=self.counts,
             interval=self.interval,
             eclipsing=self.eclipsing,
+            false_alarms=(self.false_alarm,),
         )
 
     def draw_world(self, rng: np.random.Generator) -> World:  # type: ignore[override]
@@ -253,7 +268,9 @@ class BeamAllocation(AgileClutter):
         chance = np.where(self.action_set.illuminated.take(actions, 0) & seen, 1.0, 0.0)
         pulses = self.action_set
         strength = self._full_illumination[0]
-        return Pulse(pulses.unit_covariance(actions), strength, chance, *pulses.windows(actions))
+        return Pulse(
+            pulses.unit_covariance(actions), strength, chance, pulses.alarms(actions), *pulses.windows(actions)
+        )
 
     def predict(self, belief: Any, actions: Array, outcome: Array | None = None) -> Any:
         """The belief after one pulse of every sensor; see ``AgileClutter``."""

@@ -75,6 +75,7 @@ class PulseActions:
         carrier_hz: carrier frequency fc, Hz.
         sensors: number of sensors.
         eclipsing: whether the receivers are closed while their radar transmits.
+        false_alarm: probability of a false alarm in a cell.
 
     Raises:
         InputError: durations whose ratios are no simple fractions, or an invalid chirp.
@@ -87,6 +88,7 @@ class PulseActions:
     carrier_hz: float
     sensors: int
     eclipsing: bool = False
+    false_alarm: float = 0.01
 
     @cached_property
     def _chirps(self) -> Any:
@@ -150,6 +152,11 @@ class PulseActions:
     @cached_property
     def _eclipsed(self) -> EclipsedLibrary:
         return eclipsed_library(self._chirps)
+
+    @property
+    def thresholds(self) -> tuple[Array, Array]:
+        """Pf at the one threshold, (1,), and its row for each option, (option,) int."""
+        return np.array([self.false_alarm]), np.zeros(len(self.shares), np.int64)
 
     @property
     def tables(self) -> EclipseTables:

@@ -10,9 +10,9 @@ import numpy as np
 
 from wavegym.core.array_kernels import copy_matrices, copy_matrix
 from wavegym.core.kernels import kernel
-from wavegym.sensors.detection_kernels import detection
-from wavegym.systems.agile_clutter.kernels import echo_of, is_lit, is_present, predict_targets, weakness_one
+from wavegym.systems.agile_clutter.kernels import density_of, expected_echo_of, is_lit, is_present, predict_targets
 from wavegym.systems.agile_clutter.prediction_kernels import information, predict_sensor
+from wavegym.systems.agile_clutter.state import Pulse
 from wavegym.trackers.ukf_kernels import predict_measurement_one
 
 
@@ -27,7 +27,7 @@ def gain(step, mean, covariance, wait, clear, left, M, pulse, choices, targets, 
     """
     count_t, n, last = len(targets[0]), len(nn), choices.shape[1] - 1
     present, lit = np.empty(count_t, np.bool_), np.empty(count_t, np.bool_)
-    x, seen = np.empty((count_t, n)), np.empty(pulse[2].shape)
+    x, seen = np.empty((count_t, n)), np.empty(pulse.chance.shape)
     P = np.empty((last + 1, count_t, n, n))  # before the first sensor's pulse, and after each pulse except the last
     A, z, S = np.empty((count_t, n, n)), np.empty((count_t, 2)), np.empty((count_t, 2, 2))
     G, K, draws = np.empty((count_t, n, 2)), np.empty((n, 2)), np.full((1, last + 1, count_t), -1.0)
@@ -44,17 +44,19 @@ def gain(step, mean, covariance, wait, clear, left, M, pulse, choices, targets, 
             else:
                 while start < last and choices[c, start] == choices[before, start]:
                     start += 1
-            seen[c] = clear[e, c] * pulse[2][c]
+            seen[c] = clear[e, c] * pulse.chance[c]
             for i in range(start, last):
                 P[i + 1] = P[i]
                 is_lit(c, i, present, seen, lit)
-                used = (pulse[0], pulse[1], seen, pulse[3], pulse[4])
+                used = Pulse(pulse.C, pulse.strength, seen, pulse.alarm, pulse.window, pulse.windows)
                 predict_sensor(c, i, x, P[i + 1], lit, used, draws, radar, q2, A, z, S, G, K, nn)
             if before < 0 or start < last:
                 fallen = fall(P[0], P[last], present, own)
                 for t in range(count_t):
                     if present[t]:
-                        predict_measurement_one(t, t, x, P[last], radar[0][last, 0], radar[0][last, 1], A, z, S, G, nn)
+                        predict_measurement_one(
+                            t, t, x, P[last], radar.sensors[last, 0], radar.sensors[last, 1], A, z, S, G, nn
+                        )
             out[e, c] = fallen + last_fall(c, last, present, pulse, seen, z, S, G, own, radar, q2)
             before = c
 
@@ -65,12 +67,11 @@ def last_fall(c, i, present, pulse, seen, z, S, G, M, radar, q2):
     total = 0.0
     for t in range(len(present)):
         if present[t] and seen[c, i, t] > 0.0:
-            weakness = weakness_one(c, i, z[t, 0], pulse[1], radar)
-            visible, C00, C01, C11 = echo_of(c, i, z[t, 0], pulse, radar)
-            if visible == 0.0:
+            pd, R00, R01, R11 = expected_echo_of(c, i, z[t, 0], pulse, radar)
+            if pd == 0.0:
                 continue
-            s0, s1, s2 = S[t, 0, 0] + weakness * C00, S[t, 0, 1] + weakness * C01, S[t, 1, 1] + weakness * C11
-            share = information(detection(visible / weakness, radar[3]), seen[c, i, t], (s0, s1, s2), radar, q2, -1.0)
+            s0, s1, s2 = S[t, 0, 0] + R00, S[t, 0, 1] + R01, S[t, 1, 1] + R11
+            share = information(pd, seen[c, i, t], (s0, s1, s2), density_of(c, i, pulse, radar), q2, -1.0)
             g00 = g01 = g11 = 0.0
             for a in range(len(M)):
                 for b in range(len(M)):

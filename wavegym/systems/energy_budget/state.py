@@ -16,7 +16,6 @@ class World(NamedTuple):
 
     start: Array  # (target, 4) normal: error of the first estimate
     process: Array  # (target, lifetime, 4) normal: manoeuvres
-    detection: Array  # (H, sensor, target) uniform: detected where below Pd
     error: Array  # (H, sensor, target, 2) normal: measurement error
     key: Array  # () uint64: key of the counter-based draws
     place: Array  # (target, 4) uniform: first state within its region

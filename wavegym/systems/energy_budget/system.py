@@ -35,8 +35,8 @@ class EnergyBudget(AgileClutter):
 
     Description
         As wavegym/AgileClutter-v0 with one target, which is weaker and manoeuvres. Each radar is silent or sends one of
-        three durations of one chirp at constant peak power. SNR, detection probability and energy grow with the
-        duration.
+        three durations of one chirp at constant peak power. Mean SNR, detection probability and energy grow with the
+        duration. Echoes fluctuate and noise has false returns as there, at one threshold for all durations.
 
         The longest pulse costs 1. Both radars share one energy account of ``budget`` a step, far less than they could
         use; unspent energy is kept. The mask excludes actions that the account cannot pay. If such an action is taken,
@@ -104,6 +104,8 @@ class EnergyBudget(AgileClutter):
     mean_clear: float = parameter(12.0, "mean number of steps of a clear spell", truth=True, ge=1, le=1e6)
     mean_occluded: float = parameter(6.0, "mean number of steps of an occluded spell", truth=True, ge=1, le=1e6)
     library: None = parameter(None, "not used", unit="")
+    false_alarms: tuple[()] = parameter((), "not used", unit="")
+    alarm_density: None = parameter(None, "not used", unit="")
     action: Literal["joint"] = parameter("joint", "silence or a duration for every sensor, in one index", unit="")
 
     def __post_init__(self) -> None:
@@ -130,7 +132,7 @@ class EnergyBudget(AgileClutter):
         """Silence or a pulse at every sensor, and the account that pays them."""
         (law,), (sweep,) = self.laws, self.sweeps
         chirp = (law, self.durations, sweep, self.direction, self.carrier_hz)
-        return PulseActions(*chirp, len(self.sensors), self.eclipsing)
+        return PulseActions(*chirp, len(self.sensors), self.eclipsing, self.false_alarm)
 
     @cached_property
     def total(self) -> float:
@@ -242,16 +244,20 @@ class EnergyBudget(AgileClutter):
 
     def _pulses(self, used: Array, clear: Array) -> Pulse:
         """The pulses of actions (...) in slots that are clear with probability ``clear`` (...); shapes broadcast."""
-        C, strength, illuminated, options = (a.take(used, axis=0) for a in self._candidate_pulses[:-1])
-        return Pulse(C, strength, clear[..., None, None] * illuminated, options, self.action_set.sensor_windows)
+        pulses = self._candidate_pulses
+        C, strength, illuminated, alarm, options = (a.take(used, axis=0) for a in pulses[:-1])
+        return Pulse(C, strength, clear[..., None, None] * illuminated, alarm, options, pulses.windows)
 
     @cached_property
-    def _candidate_pulses(self) -> tuple[Array, ...]:
-        """The fields of every candidate's ``Pulse`` in clear slots, each (candidate, ...), and the windows."""
+    def _candidate_pulses(self) -> Pulse:
+        """Every candidate's pulses in clear slots; its fields have no axis for environments."""
         options = self.action_set.actions.indices
         illuminated = np.repeat((options > 0)[..., None], len(self.starts), axis=2).astype(np.float64)
         pulses = self.action_set
-        return pulses.unit_covariances[options], pulses.strength[options], illuminated, options, pulses.sensor_windows
+        return Pulse(
+            pulses.unit_covariances[options], pulses.strength[options], illuminated, np.zeros_like(options), options,
+            pulses.sensor_windows,
+        )  # fmt: skip
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:  # type: ignore[override]

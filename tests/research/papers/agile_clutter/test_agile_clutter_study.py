@@ -143,7 +143,7 @@ def test_numbers_of_particles_are_tried_on_the_first_worlds(study, both):
     assert study.converged == {}
     assert list(both.converged) == [5, 30]
     for count, runs in both.converged.items():
-        system = AgileClutter(tracker="particle", particles=count)
+        system = AgileClutter(tracker="particle", particles=count, snr_law="printed")
         played = rollout(system, Myopic(), draw_worlds(system, world_seeds(SEED, "test", 3)))
         np.testing.assert_array_equal(runs.cost, played.cost)
     assert scene(Case("particle", "clutter", LIBRARY)).particles == AgileClutter().particles
