@@ -8,7 +8,7 @@ Shapes of tracks: e environments, s slots, t targets, M models, n = 6 states; x 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from wavegym.sensors.geometry_kernels import (
     direction_cosine,
     direction_variance,
     folded,
+    multistatic_acceleration,
     multistatic_range_and_rate,
     noise,
     snr_at,
@@ -43,6 +44,16 @@ class SensorLaw(NamedTuple):
     reach: float  # half path length beyond which no echo is received, m
     elements: int  # of each array
     limit: float  # greatest unambiguous range-rate, m/s
+    kept: Any  # (n,) share of the energy that a train keeps of an echo, at even steps of sqrt(|acceleration|)
+    step: float  # of kept, sqrt(m/s^2)
+
+
+@inlined
+def energy_kept(acceleration, law):
+    """Share of the energy that a train keeps of an echo with this acceleration along the line of sight, m/s^2."""
+    place = min(np.sqrt(abs(acceleration)) / law.step, len(law.kept) - 1 - 1e-9)
+    i = int(place)
+    return law.kept[i] + (place - i) * (law.kept[i + 1] - law.kept[i])
 
 
 @kernel
@@ -74,25 +85,27 @@ def move_targets(keys, scans, before, route, present, F, g, sigma, after):
 def measure_targets(key, scan, pair, targets, scene, law, wave, reference, z, count):
     """Append the detections of targets (target, 6) to z[: count]; return the new count.
 
-    The paths are those that are visible from the route.
+    The paths are those that are visible from the route. Targets accelerate during the train, which costs energy; the
+    range-rate is that at its middle.
     """
     most = scene.path_index.shape[3]
     for g in range(len(targets)):
-        x, y, u, v = targets[g, 0], targets[g, 1], targets[g, 2], targets[g, 3]
+        x, y, u, v, a, b = targets[g]
         for w in range(scene.path_count[pair, scan, g]):
             tx, ty, sx, sy, ax, ay = scene.images[pair, scene.path_index[pair, scan, g, w]]
             r, rate = multistatic_range_and_rate(x, y, u, v, tx, ty, sx, sy)
             if r > law.reach or count >= len(z):
                 continue
             own = stream(key, g * most + w)
-            eta = snr_at(r, reference, scene.reflected[pair, scan, g, w])
+            kept = energy_kept(multistatic_acceleration(x, y, u, v, a, b, tx, ty, sx, sy), law)
+            eta = kept * snr_at(r, reference, scene.reflected[pair, scan, g, w])
             eta, errors = received_snr(eta, 0, own, law.echo), stream(own, ERRORS)
             if eta > 0.0:
                 R00, R01, R11 = noise(wave, eta, law.rate_floor)
-                a, n0, n1 = np.sqrt(R00), normal(errors, 0), normal(errors, 1)
-                b = R01 / a
-                z[count, 0] = r + a * n0
-                z[count, 1] = folded(rate + b * n0 + np.sqrt(R11 - b * b) * n1, law.limit)
+                L00, n0, n1 = np.sqrt(R00), normal(errors, 0), normal(errors, 1)
+                L10 = R01 / L00
+                z[count, 0] = r + L00 * n0
+                z[count, 1] = folded(rate + L10 * n0 + np.sqrt(R11 - L10 * L10) * n1, law.limit)
                 if z.shape[1] == 3:
                     spread = np.sqrt(direction_variance(eta, law.elements))
                     z[count, 2] = folded(direction_cosine(x, y, sx, sy, ax, ay) + spread * normal(errors, 2), 1.0)

@@ -137,7 +137,7 @@ class UrbanTracker:
     gate_probability: float = 0.99
     false_alarm: float = 1e-3
     fluctuation: str = "swerling1"
-    error_snr: Literal["mean", "realised"] = "mean"
+    error_snr: Literal["mean", "realised"] = "realised"
     searched: int = 0
     rate_floor: float = 0.1
     reach: float = 300.0
