@@ -81,8 +81,17 @@ def move_targets(keys, scans, before, route, present, F, g, sigma, after):
                 after[e, t, axis + 4] += push
 
 
+@inlined
+def report_one(wave, eta, law, R):
+    """Fill R (m, m): covariance of a return of this SNR as the receiver reports it, without the floor of range-rate."""
+    R[0, 0], R[0, 1], R[1, 1] = noise(wave, eta, 0.0)
+    R[1, 0] = R[0, 1]
+    if len(R) == 3:
+        R[2, 2] = direction_variance(eta, law.elements)
+
+
 @kernel
-def measure_targets(key, scan, pair, targets, scene, law, wave, reference, z, count):
+def measure_targets(key, scan, pair, targets, scene, law, wave, reference, z, R, count):
     """Append the detections of targets (target, 6) to z[: count]; return the new count.
 
     The paths are those that are visible from the route. Targets accelerate during the train, which costs energy; the
@@ -109,12 +118,13 @@ def measure_targets(key, scan, pair, targets, scene, law, wave, reference, z, co
                 if z.shape[1] == 3:
                     spread = np.sqrt(direction_variance(eta, law.elements))
                     z[count, 2] = folded(direction_cosine(x, y, sx, sy, ax, ay) + spread * normal(errors, 2), 1.0)
+                report_one(wave, eta, law, R[count])
                 count += 1
     return count
 
 
 @kernel
-def measure_clutter(key, law, z, count):
+def measure_clutter(key, law, wave, z, R, count):
     """Append false returns, uniform in all measured quantities, to z[: count]; return the new count."""
     own, expected, sum_of_gaps, i = stream(key, CLUTTER), law.density * law.reach * 2.0 * law.limit, 0.0, 0
     while count < len(z):
@@ -125,12 +135,13 @@ def measure_clutter(key, law, z, count):
         z[count, 1] = law.limit * (2.0 * uniform(own, 3 * i + 2) - 1.0)
         if z.shape[1] == 3:
             z[count, 2] = 2.0 * uniform(stream(key, CLUTTER + 1), i) - 1.0
+        report_one(wave, 2.0 * (law.echo.threshold[0] + exponential(stream(key, CLUTTER + 2), i)), law, R[count])
         count, i = count + 1, i + 1
     return count
 
 
 @kernel
-def measure(keys, scans, targets, scene, law, wave, reference, z, count):
+def measure(keys, scans, targets, scene, law, wave, reference, z, R, count):
     """Scan ``scans[e]`` of every environment e with its targets (env, target, 6).
 
     Fills z (env, pair, measurement, m) and count (env, pair). wave (env, pair, 2, 2), reference (env, pair): covariance
@@ -140,8 +151,10 @@ def measure(keys, scans, targets, scene, law, wave, reference, z, count):
     for e in range(len(keys)):
         for m in range(z.shape[1]):
             key = stream(stream(keys[e], scans[e]), m)
-            found = measure_targets(key, scans[e], m, targets[e], scene, law, wave[e, m], reference[e, m], z[e, m], 0)
-            count[e, m] = measure_clutter(key, law, z[e, m], found)
+            found = measure_targets(
+                key, scans[e], m, targets[e], scene, law, wave[e, m], reference[e, m], z[e, m], R[e, m], 0
+            )  # fmt: skip
+            count[e, m] = measure_clutter(key, law, wave[e, m], z[e, m], R[e, m], found)
 
 
 @kernel
@@ -182,11 +195,14 @@ def fluctuation_draws(keys, scans, draws):
 
 
 @kernel
-def receive_targets(key, scan, pair, targets, scene, factors, reference, reach, offsets, times, speed, law, outputs):
+def receive_targets(
+    key, scan, pair, targets, scene, factors, reference, reach, rate_floor, offsets, times, speed, law, outputs
+):  # fmt: skip
     """Add the echoes of targets (target, 6) over the visible paths to outputs (pulse, element, 2, delay).
 
     factors (target x slot): SNR of each path in this scan over its mean. reference: eta at 100 m. offsets, times: see
-    ``path_delays``; law: see ``add_echoes``, without its last argument. Each path has a new phase in each scan.
+    ``path_delays``; law: see ``add_echoes``, without its last argument. Each path has a new phase in each scan, and a new
+    range-rate about that of its target (standard deviation rate_floor).
     """
     own, slots, count = stream(stream(key, scan), pair), scene.path_index.shape[3], 0
     most = len(targets) * slots
@@ -205,6 +221,9 @@ def receive_targets(key, scan, pair, targets, scene, factors, reference, reach, 
         if r > reach:
             continue
         g, w = divmod(numbers[i], slots)
+        shift = 2.0 / speed * rate_floor * normal(stream(own, numbers[i]), 2)
+        for q in range(len(times)):
+            delays[i, q] += shift * times[q]
         eta = factors[numbers[i]] * snr_at(r, reference, scene.reflected[pair, scan, g, w])
         phase = 2.0 * np.pi * uniform(stream(own, numbers[i]), 0)
         amplitudes[i] = np.sqrt(0.5 * eta) * complex(np.cos(phase), np.sin(phase))
@@ -224,20 +243,14 @@ def receive_noise(key, scan, pair, waveform, frames, law, outputs):
 
 
 @kernel
-def report(z, R, snr, reference, out, out_R):
-    """Write measurements to out (most, m) and their covariances to out_R (most, m, m); return their number.
-
-    z (peak, 3), R (peak, 3, 3) and snr (peak,) belong to the peaks. A peak may be higher than the peak of a direct path
-    of the same range. It then has the covariance at the SNR of that path, because noise has raised the peak: near the
-    threshold only echoes that noise raises are detected.
-    """
+def report(z, R, out, out_R):
+    """Write measurements z (peak, 3) and their covariances to out (most, m) and out_R (most, m, m); their number."""
     count, size = min(len(z), len(out)), out.shape[1]
     for i in range(count):
-        raised = max(snr[i] / snr_at(z[i, 0], reference, 1.0), 1.0)
         for j in range(size):
             out[i, j] = z[i, j]
             for k in range(size):
-                out_R[i, j, k] = raised * R[i, j, k]
+                out_R[i, j, k] = R[i, j, k]
     return count
 
 

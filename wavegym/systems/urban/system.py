@@ -301,7 +301,9 @@ class Urban(System, DecisionMakers, TimedPulses):
         """The receivers for ``fidelity="signal"``."""
         trains = [train for train in self.library.entries if isinstance(train, PulseTrain)]
         arrays = [_shared_receiver(train, self.carrier, self.bandwidth, self.reach) for train in trains]
-        return UrbanReceivers(self.pairs, self.scene, arrays, self._waves[1], self.clutter_density, self.fluctuation)
+        return UrbanReceivers(
+            self.pairs, self.scene, arrays, self._waves[1], self.clutter_density, self.fluctuation, self.rate_floor
+        )
 
     @property
     def _false_alarm(self) -> float:
@@ -411,11 +413,11 @@ class Urban(System, DecisionMakers, TimedPulses):
         found = self._no_measurements(len(scan))
         if self.fidelity == "signal":
             law.signals.measure(world.key, scan, truth.targets, sent, *found)
-            if self.direction_of_arrival:
-                return found
         else:
             waves = (values[sent] for values in law._waves)
-            kernels.measure(world.key, scan, truth.targets, law.scene, law._sensor_law, *waves, found.z, found.number)
+            kernels.measure(world.key, scan, truth.targets, law.scene, law._sensor_law, *waves, *found)
+        if self.direction_of_arrival:
+            return found
         waves = (values[sent] for values in self._believed_waves)
         return found._replace(R=self.urban_tracker.direct_errors(found.z, found.number, *waves))
 
