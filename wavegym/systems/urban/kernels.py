@@ -14,7 +14,7 @@ import numpy as np
 
 from wavegym.core.counter_rng_kernels import exponential, normal, stream, uniform
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.detection_kernels import EchoLaw, received_snr
+from wavegym.sensors.detection_kernels import CELL, EchoLaw, received_snr
 from wavegym.sensors.geometry_kernels import (
     direction_cosine,
     direction_variance,
@@ -242,15 +242,35 @@ def receive_noise(key, scan, pair, waveform, frames, law, outputs):
     add_noise(own, recorded, 1.0 / np.sqrt(frames * len(outputs)), law.rank, law.factors, law.second, outputs)
 
 
+@inlined
+def snr_of_peak(snr, mean):
+    """eta at which C / eta is the covariance of the errors of a peak; ``mean``: mean eta of a Rayleigh echo.
+
+    The peak has the power snr / 2 + 1 of echo and noise, and the search over delay, Doppler and direction has added 3/2
+    (half a chi-square variable of three degrees of freedom). With m = mean / 2 and k = m / (m + 1), the amplitude given
+    the peak is complex normal: its mean has k^2 of the power, its variance is k. The mean of 1 / S is about that of one
+    over their difference. So noise that has raised a weak echo above the threshold does not make it look precise.
+    """
+    m = 0.5 * mean
+    k = m / (m + 1.0)
+    return max(2.0 * (k * k * (0.5 * snr - 0.5) - k), CELL)
+
+
 @kernel
-def report(z, R, out, out_R):
-    """Write measurements z (peak, 3) and their covariances to out (most, m) and out_R (most, m, m); their number."""
+def report(z, R, snr, reference, steady, out, out_R):
+    """Write measurements to out (most, m) and their covariances to out_R (most, m, m); return their number.
+
+    z (peak, 3), R (peak, 3, 3) and snr (peak,) belong to the peaks. The mean SNR of an echo is that of a direct path of
+    its range. steady: whether every echo has it.
+    """
     count, size = min(len(z), len(out)), out.shape[1]
     for i in range(count):
+        mean = snr_at(z[i, 0], reference, 1.0)
+        wider = snr[i] / (mean if steady else snr_of_peak(snr[i], mean))
         for j in range(size):
             out[i, j] = z[i, j]
             for k in range(size):
-                out_R[i, j, k] = R[i, j, k]
+                out_R[i, j, k] = wider * R[i, j, k]
     return count
 
 

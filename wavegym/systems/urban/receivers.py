@@ -62,7 +62,8 @@ class UrbanReceivers:
                 waveform = sent[e, m]
                 outputs = self._outputs(key, scan, targets[e], waveform, m, factors[e, m])
                 found = self._peaks(outputs, waveform)
-                count[e, m] = kernels.report(found.z, found.R, z[e, m], R[e, m])
+                steady = self.fluctuation == "swerling0"
+                count[e, m] = kernels.report(*found, self.snr[waveform], steady, z[e, m], R[e, m])
 
     def scan(self, key: np.uint64, scan: int, targets: Array, waveform: int, m: int) -> Peaks:
         """Peaks of pair m in one scan of one environment with the targets (target, 6)."""
