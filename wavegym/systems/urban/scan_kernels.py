@@ -229,13 +229,16 @@ def is_ghost(s, t, pair, constants, wave, reference, scratch, ll):
 def initiate(tracks, constants, z, R, count, taken, scratch, mm, ll):
     """Start tracks where free measurements of the first two pairs agree on a visible road.
 
-    z (pair, measurement, m), R (pair, measurement, m, m). Returns the number of tracks that found no free slot.
+    z (pair, measurement, m), R (pair, measurement, m, m). Returns the number of tracks that found no free slot. With
+    directions of arrival one of the two measurements need not be free. A track at a mirror image may hold the return of
+    one receiver but not that of the other: then the target starts a track, which takes both.
     """
     rx, refused = constants.receivers, 0
     apart = 0.5 * np.hypot(rx[0, 0] - rx[1, 0], rx[0, 1] - rx[1, 1])
     for a in range(count[0]):
         for b in range(count[1]):
-            if taken[0, a] or taken[1, b] or abs(z[0, a, 0] - z[1, b, 0]) > apart + constants.slack:
+            held = taken[0, a] and taken[1, b] if len(ll) == 3 else taken[0, a] or taken[1, b]
+            if held or abs(z[0, a, 0] - z[1, b, 0]) > apart + constants.slack:
                 continue
             for k in range(2):
                 if len(ll) == 3:

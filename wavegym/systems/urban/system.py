@@ -60,8 +60,12 @@ from wavegym.waveforms import (
 )
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
-WITH_DIRECTIONS: dict[str, Any] = {"stay": 0.97, "sigma_acceleration": 0.2, "confirm_after": 8}
-"""Settings of the tracker if receivers measure directions of arrival; otherwise it has those of the paper."""
+WITH_DIRECTIONS: dict[str, Any] = {"stay": 0.98, "sigma_acceleration": 0.02, "pushed": True, "confirm_after": 8}
+"""Settings of the tracker if receivers measure directions of arrival; otherwise it has those of the paper.
+
+Drivers brake and speed up steadily for some seconds, under random accelerations that last for a scan. Both belong to
+NCA: a random walk of the acceleration that is wide enough for the second makes covariances too large.
+"""
 SEARCHED = 3  # quantities over which a receiver with an array searches for peaks: delay, Doppler, direction
 ELEMENTS = 3  # of each receiver's array
 GREATEST = 40.0  # m/s^2, greatest acceleration in the table of losses

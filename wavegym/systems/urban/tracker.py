@@ -90,6 +90,8 @@ class UrbanTracker:
         turn_rate: turn rate of both turn models, rad/s.
         sigma: standard deviation of acceleration in NCV and turn models, m/s^2.
         sigma_acceleration: standard deviation of the change of acceleration in a scan, NCA, m/s^2.
+        pushed: whether NCA also has the random acceleration of the other models, which lasts for a scan. The paper's
+            NCA has not.
         stay: probability that a target keeps its motion model until the next scan; all others are equally likely. None
             for the matrix of the paper, in which acceleration lasts three scans and turns last a hundred.
         slots: maximum number of tracks. If all are in use, a new track replaces the tentative track of least existence.
@@ -131,6 +133,7 @@ class UrbanTracker:
     turn_rate: float = math.pi / 20
     sigma: float = 0.25
     sigma_acceleration: float = 0.3
+    pushed: bool = False
     stay: float | None = None
     slots: int = 8
     clutter_density: float = 1e-3
@@ -196,7 +199,8 @@ class UrbanTracker:
         if self.models == "ncv":
             return (straight,)
         turns = (coordinated_turn(self.dt, sign * self.turn_rate, self.sigma) for sign in (1.0, -1.0))
-        return (straight, nearly_constant_acceleration(self.dt, self.sigma_acceleration), *turns)
+        push = self.sigma if self.pushed else 0.0
+        return (straight, nearly_constant_acceleration(self.dt, self.sigma_acceleration, push), *turns)
 
     @property
     def quantities(self) -> int:
