@@ -256,7 +256,9 @@ GOOD: dict[str, dict[str, Argument]] = {
         "duration": non_negative(0.1), "wavelength": positive(0.03), "acceleration": finite(1.0),
     },
     "mean_rate_variance": {"duration": non_negative(0.1), "density": non_negative(1.0)},
-    "false_return_density": {"unit_covariance": definite(P2), "threshold": positive(9.0), "elements": Argument("count", 3)},
+    "false_return_density": {
+        "unit_covariance": definite(P2), "threshold": positive(9.0), "elements": Argument("count", 3),
+    },
     "false_return_threshold": {
         "unit_covariance": definite(P2), "density": positive(1e-6), "elements": Argument("count", 3),
     },

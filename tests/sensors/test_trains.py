@@ -63,7 +63,7 @@ def test_a_steady_acceleration_leaves_the_simulated_share(acceleration) -> None:
     duration = 0.064
     t = (np.arange(PULSES) + 0.5) * duration / PULSES - 0.5 * duration
     kept = share_kept(3.0 * t[None] + 0.5 * acceleration * t[None] ** 2)
-    np.testing.assert_allclose(acceleration_loss(duration, WAVE, acceleration), kept[0], rtol=0.01)
+    np.testing.assert_allclose(acceleration_loss(duration, WAVE, acceleration), kept[0], rtol=0.02)
 
 
 def test_the_mean_range_rate_moves_away_from_the_middle_one() -> None:

@@ -134,7 +134,7 @@ def false_return_density(unit_covariance: ArrayLike, threshold: ArrayLike, eleme
         InputError: an invalid shape or value.
     """
     T, lowest = np.asarray(threshold, np.float64), _lowest(elements)
-    if not (np.isfinite(T) & (T >= lowest)).all():
+    if not (np.isfinite(T) & (lowest <= T)).all():
         raise InputError(f"threshold is {threshold!r:.40}, expected finite numbers >= {lowest} (nearest)")
     return np.asarray(_peaks(T, elements) / _cell(unit_covariance))
 

@@ -201,8 +201,8 @@ def receive_targets(
     """Add the echoes of targets (target, 6) over the visible paths to outputs (pulse, element, 2, delay).
 
     factors (target x slot): SNR of each path in this scan over its mean. reference: eta at 100 m. offsets, times: see
-    ``path_delays``; law: see ``add_echoes``, without its last argument. Each path has a new phase in each scan, and a new
-    range-rate about that of its target (standard deviation rate_floor).
+    ``path_delays``; law: see ``add_echoes``, without its last argument. In each scan each path has a new phase, and a
+    new range-rate about that of its target (standard deviation rate_floor).
     """
     own, slots, count = stream(stream(key, scan), pair), scene.path_index.shape[3], 0
     most = len(targets) * slots

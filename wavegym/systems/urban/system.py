@@ -88,16 +88,17 @@ class Urban(System, DecisionMakers, TimedPulses):
         A scan is a train of Gaussian chirps of one of four kinds. Receivers have their own antennas (bistatic) and
         listen while the transmitter transmits, so no echo is eclipsed. The direct signal is assumed to be subtracted.
 
-        A propagation path leads from a transmitter over a target to a receiver, with up to two wall reflections. Each
-        receiver detects each path with probability Pd = Pfa^(1 / (1 + eta / 2)), unless ``fluctuation`` or ``searched``
-        name another law. It measures range and range-rate with covariance R(psi) / eta, plus rate_floor^2 for
-        range-rate, and direction of arrival. eta is the mean SNR, unless ``error_snr`` selects the SNR of the scan. The
-        mean falls with the fourth power of the half path length and by a factor of 0.4 at each wall. There are also
-        false returns.
+        A propagation path leads from a transmitter over a target to a receiver, with up to two wall reflections. The
+        echo of each path has a new eta = 2E/N0 in every scan. Its mean falls with the fourth power of the half path
+        length, by a factor of 0.4 at each wall, and with the acceleration along the line of sight, because a train
+        lasts 0.249 s. Each receiver takes the peaks over delay, Doppler shift and direction that exceed its threshold.
+        eta decides on the detection. Range and range-rate have the covariance R(psi) / eta, plus rate_floor^2 for
+        range-rate. There are also false returns: the threshold is that at which noise has ``clutter_density`` peaks.
 
         Each receiver is a line of three elements, half a wavelength apart. It measures the cosine of the angle between
         its line and the direction of arrival, with variance 12 / (pi^2 (3^2 - 1) eta). It cannot tell a direction from
-        its mirror image in the line, so the lines of two receivers stand at right angles.
+        its mirror image in the line, so the lines of two receivers stand at right angles. It reports each return with
+        the covariance at its eta.
 
         The tracker starts, confirms and ends tracks, with LMIPDA and a variable-structure IMM of unscented filters. You
         cannot use a tracker of your own here, because its estimate has a fixed number of targets and no probabilities
@@ -315,7 +316,11 @@ class Urban(System, DecisionMakers, TimedPulses):
             return math.exp(-self.signals.thresholds[0])  # all waveforms sweep the same band
         if self.false_alarm is not None:
             return self.false_alarm
-        return math.exp(-false_return_threshold(self._waves[0][0], self.clutter_density, ELEMENTS if self.direction_of_arrival else 1))
+        return math.exp(
+            -false_return_threshold(
+                self._waves[0][0], self.clutter_density, ELEMENTS if self.direction_of_arrival else 1
+            )
+        )
 
     @property
     def _searched(self) -> int:
@@ -517,8 +522,9 @@ class UrbanSignal(Urban):
         The receiver searches the image for peaks, each in its best direction. A peak counts if it exceeds a threshold,
         which noise exceeds ``clutter_density`` times per (m x m/s). A quadratic fit to log |A|^2 measures the peak.
         Paths less than a resolution cell apart give one peak. A train has 25 pulses and lasts 25 ms. The echo of each
-        path has a new phase and a new amplitude in every scan (``fluctuation``). The tracker accounts for the search:
-        its Pd is that of ``wavegym.sensors.detection_probability`` with searched = 3.
+        path has a new phase, amplitude (``fluctuation``) and range-rate (``rate_floor``) in every scan. The tracker
+        accounts for the search: its Pd is that of ``wavegym.sensors.detection_probability`` with searched = 3. The
+        covariance of a peak allows for the noise and the search that have raised it.
 
     Rewards
         As wavegym/Urban-v0.

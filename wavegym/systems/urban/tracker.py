@@ -100,7 +100,8 @@ class UrbanTracker:
         false_alarm: Pfa, which relates SNR and detection probability.
         fluctuation: model of the echoes, "swerling0" to "swerling4", see ``wavegym.sensors.detection``.
         error_snr: SNR that sets measurement covariances. "mean": the mean eta. "realised": 1 / E[1 / max(eta, 1)] of a
-            detected echo, for errors at the SNR of the scan. Pd follows from the mean eta in both cases.
+            detected echo, for errors at the SNR of the scan. Pd follows from the mean eta in both cases. Measurements
+            with covariances of their own (``scan``) keep them.
         searched: number of quantities over which receivers search for the peak of an echo, see
             ``detection_probability``.
         rate_floor: standard deviation of range-rate in addition to its noise, m/s.
