@@ -238,6 +238,10 @@ GOOD: dict[str, dict[str, Argument]] = {
         "pulses": Argument("count", 2),
     },
     "echo_law": {"false_alarms": Argument("open probability", np.full(2, 0.01)), "fluctuation": given_as("swerling3")},
+    "unit_snr_range": {
+        "energy": positive(np.ones(3)), "gain_db": finite(30.0), "wavelength": positive(0.03),
+        "cross_section": positive(1.0), "noise_temperature": positive(290.0), "losses_db": non_negative(3.0),
+    },
     "mean_inverse_detected_snr": {
         "snr": positive(np.ones(3)), "false_alarm": Argument("open probability", 0.01), "pulses": Argument("count", 2),
         "least": non_negative(1.0),
@@ -367,6 +371,7 @@ ANY_LENGTH = {  # arguments that fit after the loss of an element
     ("detection_probability", "snr"),
     ("mean_inverse_detected_snr", "snr"),
     ("echo_law", "false_alarms"),
+    ("unit_snr_range", "energy"),
     ("energy_detection_probability", "energy_ratio"),
     ("fov_penalty", "x"),
     ("systematic_resample", "weights"),

@@ -23,6 +23,7 @@ from wavegym.sensors import (
     energy_detection_probability,
     mean_inverse_detected_snr,
     realised_snr,
+    unit_snr_range,
 )
 from wavegym.sensors.detection_kernels import detection_of, effective_snr, received_snr
 
@@ -309,6 +310,17 @@ def test_a_batch_broadcasts():
         assert one == pytest.approx(together[i, j], rel=1e-12)
     assert detected_snr(0.5, snr, false_alarm).shape == (5, 3)
     assert detection_probability(np.empty(0), 0.1, "swerling0").shape == (0,)
+
+
+def test_the_radar_equation():
+    """1 kW for 100 us, 35 dB, 3 cm, 1 m^2 at 290 K: E/N0 by its parts, at the range where it is one half."""
+    energy, gain, wavelength = 0.1, 10.0**3.5, 0.03
+    r = unit_snr_range(energy, 35.0, wavelength)
+    on_target = energy * gain / (4.0 * math.pi * r**2)  # J/m^2
+    received = on_target * 1.0 / (4.0 * math.pi * r**2) * gain * wavelength**2 / (4.0 * math.pi)
+    assert 2.0 * received / (1.380649e-23 * 290.0) == pytest.approx(1.0, rel=1e-12)
+    assert unit_snr_range(16.0 * energy, 35.0, wavelength) == pytest.approx(2.0 * r, rel=1e-12)
+    assert unit_snr_range(energy, 35.0, wavelength, losses_db=40.0) == pytest.approx(0.1 * r, rel=1e-12)
 
 
 def test_mistakes():

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import maximum_filter
 
 from wavegym.core.errors import InputError
-from wavegym.sensors.detection import detection_probability
+from wavegym.sensors.detection import detection_probability, mean_inverse_detected_snr
 from wavegym.sensors.trains import (
     acceleration_loss,
     false_return_density,
@@ -111,34 +111,93 @@ def test_noise_has_the_expected_peaks(pulse, count) -> None:
     assert (np.abs(found / expected - 1.0) < 4.0 / np.sqrt(expected) + 2.0 * lost).all()
 
 
-def detected(energy: float, q: float, sigma: float, threshold: float, worlds: int) -> float:
-    """Share of simulated trains whose echo has a peak above the threshold; Swerling 1, any delay and range-rate.
+class Simulation:
+    """Trains of 32 Gaussian pulses in noise: fast time, slow time and Doppler. Swerling 1, any delay and range-rate."""
 
-    Fast time, slow time and noise are simulated. The peak is sought within three cells of the echo.
-    """
-    rng, count, interval, length = np.random.default_rng(6), 32, 2e-3, 64
+    count, interval, length, padded = 32, 2e-3, 64, 8
     pulse = GaussianChirp(duration=1e-6)
-    rate = math.sqrt(float(pulse.fisher_factors().information()[0, 0])) / SPACING
-    fast = (np.arange(length) - length // 2) / rate
-    replica = pulse.envelope(fast) / np.linalg.norm(pulse.envelope(fast))
-    matched = np.fft.fft(np.fft.ifftshift(replica)).conj()
-    found, slow = 0, (np.arange(count) - 0.5 * (count - 1)) * interval
-    for _ in range(worlds):
-        moved = np.cumsum(np.sqrt(q * interval) * rng.standard_normal(count))
-        velocity = (
-            WAVE / (2.0 * count * interval) * rng.uniform(-1.0, 1.0) + sigma * rng.standard_normal() * slow + moved
-        )
-        ranges = np.cumsum(velocity) * interval
-        amplitude = math.sqrt(energy / count * rng.exponential())
-        late = pulse.envelope(fast - rng.uniform(-0.5, 0.5) / rate) / np.linalg.norm(pulse.envelope(fast))
-        echo = amplitude * np.exp(-4j * math.pi / WAVE * ranges)[:, None] * late
-        noise = rng.standard_normal((2, count, length)) / math.sqrt(2.0)
+
+    def __init__(self, energy: float, q: float, sigma: float) -> None:
+        self.energy, self.q, self.sigma = energy, q, sigma
+        self.rng, self.seconds = np.random.default_rng(6), self.count * self.interval
+        self.rate = math.sqrt(float(self.pulse.fisher_factors().information()[0, 0])) / SPACING
+        self.fast = (np.arange(self.length) - self.length // 2) / self.rate
+        self.bin = WAVE / (2.0 * self.seconds * self.padded)  # m/s
+        self.C = PulseTrain(self.pulse, count=self.count, interval=self.interval).fisher_factors()
+
+    def look(self) -> tuple[np.ndarray, float, float, int]:
+        """Power (delay, Doppler), true delay in samples, true range-rate at the middle in bins, strongest Doppler."""
+        rng, n = self.rng, self.count
+        slow = (np.arange(n) - 0.5 * (n - 1)) * self.interval
+        moved = np.cumsum(np.sqrt(self.q * self.interval) * rng.standard_normal(n))
+        velocity = 8.0 * self.bin * rng.uniform(-1.0, 1.0) + self.sigma * rng.standard_normal() * slow + moved
+        phases = np.exp(-4j * math.pi / WAVE * np.cumsum(velocity) * self.interval)
+        late = rng.uniform(-0.5, 0.5)
+        shape = self.pulse.envelope(self.fast - late / self.rate)
+        amplitude = math.sqrt(self.energy / n * rng.exponential())
+        echo = amplitude * phases[:, None] * shape / np.linalg.norm(shape)
+        noise = rng.standard_normal((2, n, self.length)) / math.sqrt(2.0)
+        replica = self.pulse.envelope(self.fast) / np.linalg.norm(self.pulse.envelope(self.fast))
+        matched = np.fft.fft(np.fft.ifftshift(replica)).conj()
         filtered = np.fft.ifft(np.fft.fft(echo + noise[0] + 1j * noise[1], axis=1) * matched, axis=1)
-        power = np.abs(np.fft.fft(filtered[:, length // 2 - 2 : length // 2 + 3], 8 * count, axis=0)) ** 2 / count
-        spectrum = np.abs(np.fft.fft(np.exp(-4j * math.pi / WAVE * ranges), 8 * count))
-        near = (np.arange(-24, 25) + spectrum.argmax()) % (8 * count)
-        found += power[near].max() > threshold
+        power = np.abs(np.fft.fft(filtered, self.padded * n, axis=0)).T ** 2 / n
+        strongest = int(np.abs(np.fft.fft(phases, self.padded * n)).argmax())
+        return power, late, -0.5 * (velocity[n // 2 - 1] + velocity[n // 2]) / self.bin, strongest
+
+
+def detected(energy: float, q: float, sigma: float, threshold: float, worlds: int) -> float:
+    """Share of simulated trains with a peak above the threshold within three cells of the echo."""
+    simulation, found = Simulation(energy, q, sigma), 0
+    for _ in range(worlds):
+        power, _, _, strongest = simulation.look()
+        near = (np.arange(-24, 25) + strongest) % power.shape[1]
+        found += power[30:35, near].max() > threshold
     return found / worlds
+
+
+def climbed(power: np.ndarray, i: int, j: int) -> tuple[float, float, float]:
+    """The local maximum that is reached from a cell, and its place by parabolas; Doppler (axis 1) is periodic."""
+    while True:
+        around = power.take(range(j - 1, j + 2), axis=1, mode="wrap")[i - 1 : i + 2]
+        up, right = np.unravel_index(around.argmax(), (3, 3))
+        if (up, right) == (1, 1):
+            break
+        i, j = min(max(i + up - 1, 1), len(power) - 2), j + right - 1
+    logs = np.log(around[:, 1]), np.log(around[1])
+    shifts = [0.5 * (a[0] - a[2]) / (a[0] - 2.0 * a[1] + a[2]) for a in logs]
+    return power[i, j % power.shape[1]], i + shifts[0], j + shifts[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("energy", "q", "sigma"),
+    [(20.0, 0.0, 0.0), (60.0, 0.0, 0.0), (60.0, 3.0, 0.0), (60.0, 10.0, 0.0), (60.0, 0.0, 3.0)],
+)
+def test_a_detected_echo_has_the_errors_of_its_realised_snr(energy, q, sigma) -> None:
+    """The peak that belongs to the echo lies within the main lobe. There the errors are those of the law, to a tenth.
+
+    Farther peaks are those of the noise, which ``false_return_density`` counts.
+    """
+    threshold, worlds, simulation = 8.0, 4000, Simulation(energy, q, sigma)
+    unit = simulation.C.measurement_covariance(CARRIER)
+    metres = SPEED_OF_LIGHT / 2.0 / simulation.rate
+    errors = []
+    for _ in range(worlds):
+        power, late, rate, strongest = simulation.look()
+        peak, i, j = climbed(power, simulation.length // 2, strongest)
+        bins = (j - rate + 0.5 * power.shape[1]) % power.shape[1] - 0.5 * power.shape[1]
+        error = np.array([(i - simulation.length // 2 - late) * metres, bins * simulation.bin])
+        lobe = np.array([abs(error[0]), abs(j - strongest) * simulation.bin]) < np.sqrt(np.diag(unit))
+        if peak > threshold and lobe.all():
+            errors.append(error)
+    found = np.square(errors)
+    loss = motion_loss(simulation.seconds, WAVE, q, sigma)
+    law = (2.0 * energy * loss, math.exp(-threshold), "swerling1")
+    expected = np.diag(unit) * mean_inverse_detected_snr(*law, searched=2, least=1.0)
+    expected[1] += mean_rate_variance(simulation.seconds, q)
+    spread = found.std(axis=0) / math.sqrt(len(found))
+    assert (np.abs(found.mean(axis=0) - expected) < 3.5 * spread + 0.1 * expected).all()
+    assert abs(len(errors) / worlds - detection_probability(*law, searched=2)) < 0.03
 
 
 @pytest.mark.slow

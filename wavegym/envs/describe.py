@@ -161,7 +161,7 @@ def _timing(system: System) -> str:
             for value in (1e-3 * timing.unambiguous_range, timing.unambiguous_velocity)
         ]
         duty = "none" if timing.interval is None else f"{100 * timing.duty_cycle:.3g}"
-        sent = f"{100 * timing.duration * timing.count / system.dt:.2g}"
+        sent = f"{100 * timing.time_on_air / system.dt:.2g}"
         blind = "none" if system.bistatic else f"{1e-3 * timing.blind_range:.4g}"
         lengths = f"{1e6 * timing.duration:.4g}", blind
         rows.append((alike[0] + others, *lengths, *ambiguous, duty, sent))

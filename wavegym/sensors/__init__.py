@@ -44,6 +44,7 @@ from wavegym.sensors.detection import (
     mean_inverse_detected_snr,
     range_law_snr,
     realised_snr,
+    unit_snr_range,
 )
 from wavegym.sensors.eclipsing import EclipsedLibrary, EclipsedPulse, EclipsePulses, EclipseTables, eclipse_tables
 from wavegym.sensors.folding import (
@@ -138,4 +139,5 @@ __all__ = [
     "resolve_folds",
     "unfold",
     "union_clutter",
+    "unit_snr_range",
 ]

@@ -34,6 +34,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
+from scipy.constants import Boltzmann
 
 from wavegym.core.arrays import Array, check_broadcast, check_elements
 from wavegym.core.errors import (
@@ -51,6 +52,7 @@ from wavegym.sensors.detection_kernels import CELL, FIRST, LAST, EchoLaw
 FLUCTUATIONS = ("swerling0", "swerling1", "swerling2", "swerling3", "swerling4")
 """The names of the laws of fluctuation."""
 MOST_PULSES = 1000
+MOST_DECIBELS = 300.0
 STEPS = 50  # halvings of the interval in which a quantile lies
 LAWS = 8  # whose tables are kept: a threshold takes 0.1 s, and every environment of the law needs it
 TABLE = 2001  # values of a table over ln eta
@@ -73,6 +75,40 @@ def range_law_snr(
     check_positive("reference_range", reference_range, "m")
     check_positive("nearest_range", nearest_range, "m")
     return detection_kernels.snr(r, reference_range, nearest_range)
+
+
+def unit_snr_range(
+    energy: ArrayLike,
+    gain_db: float,
+    wavelength: float,
+    *,
+    cross_section: float = 1.0,
+    noise_temperature: float = 290.0,
+    losses_db: float = 0.0,
+) -> NDArray[np.float64]:
+    """Range at which eta = 2E/N0 = 1, by the radar equation: the fourth root of 2 E G^2 lambda^2 s / ((4 pi)^3 k T L).
+
+    Args:
+        energy: E transmitted in one pulse or coherent train, peak power times its time on air, J, > 0, any shape.
+        gain_db: G of the antenna, one way, dB.
+        wavelength: lambda, m, > 0.
+        cross_section: s of the target, m^2, > 0.
+        noise_temperature: T of the receiver, K, > 0.
+        losses_db: L, two ways, dB.
+
+    Returns:
+        r0 of ``range_law_snr``, m, the shape of ``energy``.
+
+    Raises:
+        InputError: an invalid value.
+    """
+    E = check_elements(check_positive, "energy", energy)
+    gain = 10.0 ** (0.1 * check_within("gain_db", gain_db, -MOST_DECIBELS, MOST_DECIBELS, "dB"))
+    losses = 10.0 ** (0.1 * check_within("losses_db", losses_db, 0.0, MOST_DECIBELS, "dB"))
+    check_positive("wavelength", wavelength, "m")
+    check_positive("cross_section", cross_section, "m^2")
+    noise = Boltzmann * check_positive("noise_temperature", noise_temperature, "K") * losses
+    return np.asarray((2.0 * E * (gain * wavelength) ** 2 * cross_section / ((4.0 * math.pi) ** 3 * noise)) ** 0.25)
 
 
 def detection_probability(

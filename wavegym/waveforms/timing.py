@@ -145,6 +145,11 @@ class PulseTiming:
         return self.duration * self.prf
 
     @property
+    def time_on_air(self) -> float:
+        """count x duration, s: peak power times this is the energy of a dwell, and this over a step its mean duty."""
+        return self.count * self.duration
+
+    @property
     def coherent_processing_interval(self) -> float:
         """count x PRI, s; the duration for a single pulse."""
         return self.duration if self.interval is None else self.count * self.interval
