@@ -61,6 +61,7 @@ def scan(x, P, mu, existence, status, age, constants, wave, reference, z, errors
     p, beta, R = np.empty((slots, len(mm), most)), np.empty((rows, most + 1)), np.empty((pairs, most, len(ll), len(ll)))
     density, own, claim = np.empty((slots, most)), np.empty((slots, most)), np.empty((slots, most))
     ghosts, claims, taken = np.empty(most), np.empty(most), np.empty((pairs, most), np.bool_)
+    gated, ghosted = np.empty((pairs, most, slots), np.bool_), np.empty((pairs, most), np.bool_)
     for e in range(len(x)):
         tracks = slots_of(e, x, P, mu, existence, status, age)
         predict_tracks(tracks, constants, scratch.x, scratch.P, scratch.c, scratch.T, nn, mm)
@@ -70,6 +71,11 @@ def scan(x, P, mu, existence, status, age, constants, wave, reference, z, errors
             add_rate_floor(errors[e, pair], number, constants, R[pair], ll)
             predict_measurements(tracks, constants, pair, own_snr, predicted, scratch, nn, mm, ll)
             weigh_scan(tracks, constants, z[e, pair], R[pair], number, predicted, scratch, p, taken[pair], mm, ll)
+            gated[pair] = False
+            for i in range(number):
+                for t in range(slots):
+                    for m in range(len(mm)):
+                        gated[pair, i, t] |= p[t, m, i] > 0.0
             ghosts[:] = 0.0
             if constants.ghosts:
                 claim_ghosts(
@@ -77,6 +83,7 @@ def scan(x, P, mu, existence, status, age, constants, wave, reference, z, errors
                 )
             for i in range(number):
                 taken[pair, i] |= ghosts[i] > constants.density
+                ghosted[pair, i] = ghosts[i] > constants.density
                 for t in range(slots):
                     density[t, i] = constants.density + ghosts[i]
             lmipda_one(p, tracks.mu, predicted.pd, tracks.existence, density, number, beta, own, claim)
@@ -89,6 +96,8 @@ def scan(x, P, mu, existence, status, age, constants, wave, reference, z, errors
         if constants.ghosts:
             end_ghosts(tracks, constants, wave[e], reference[e], scratch, nn, mm, ll)
         update_status(tracks, constants, mm)
+        if len(ll) == 3:
+            free_halves(gated, taken, ghosted, count[e])
         refused[e] = initiate(tracks, constants, z[e], R, count[e], taken, scratch, mm, ll)
 
 
@@ -226,19 +235,33 @@ def is_ghost(s, t, pair, constants, wave, reference, scratch, ll):
 
 
 @kernel
+def free_halves(gated, taken, ghosted, count):
+    """Free the returns of the first two pairs that only tracks with no return at the other of them hold.
+
+    A track at a mirror image may hold the return of one receiver, and never that of the other. Then the target starts a
+    track of its own, which takes both. gated (pair, measurement, track): whether the measurement is in the gate.
+    """
+    for pair in range(2):
+        other = 1 - pair
+        for i in range(count[pair]):
+            held = ghosted[pair, i]
+            for t in range(gated.shape[2]):
+                for k in range(count[other] if gated[pair, i, t] else 0):
+                    held |= gated[other, k, t]
+            taken[pair, i] = held
+
+
+@kernel
 def initiate(tracks, constants, z, R, count, taken, scratch, mm, ll):
     """Start tracks where free measurements of the first two pairs agree on a visible road.
 
-    z (pair, measurement, m), R (pair, measurement, m, m). Returns the number of tracks that found no free slot. With
-    directions of arrival one of the two measurements need not be free. A track at a mirror image may hold the return of
-    one receiver but not that of the other: then the target starts a track, which takes both.
+    z (pair, measurement, m), R (pair, measurement, m, m). Returns the number of tracks that found no free slot.
     """
     rx, refused = constants.receivers, 0
     apart = 0.5 * np.hypot(rx[0, 0] - rx[1, 0], rx[0, 1] - rx[1, 1])
     for a in range(count[0]):
         for b in range(count[1]):
-            held = taken[0, a] and taken[1, b] if len(ll) == 3 else taken[0, a] or taken[1, b]
-            if held or abs(z[0, a, 0] - z[1, b, 0]) > apart + constants.slack:
+            if taken[0, a] or taken[1, b] or abs(z[0, a, 0] - z[1, b, 0]) > apart + constants.slack:
                 continue
             for k in range(2):
                 if len(ll) == 3:
