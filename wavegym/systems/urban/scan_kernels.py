@@ -71,11 +71,7 @@ def scan(x, P, mu, existence, status, age, constants, wave, reference, z, errors
             add_rate_floor(errors[e, pair], number, constants, R[pair], ll)
             predict_measurements(tracks, constants, pair, own_snr, predicted, scratch, nn, mm, ll)
             weigh_scan(tracks, constants, z[e, pair], R[pair], number, predicted, scratch, p, taken[pair], mm, ll)
-            gated[pair] = False
-            for i in range(number):
-                for t in range(slots):
-                    for m in range(len(mm)):
-                        gated[pair, i, t] |= p[t, m, i] > 0.0
+            mark_gated(p, number, gated[pair])
             ghosts[:] = 0.0
             if constants.ghosts:
                 claim_ghosts(
@@ -96,8 +92,7 @@ def scan(x, P, mu, existence, status, age, constants, wave, reference, z, errors
         if constants.ghosts:
             end_ghosts(tracks, constants, wave[e], reference[e], scratch, nn, mm, ll)
         update_status(tracks, constants, mm)
-        if len(ll) == 3:
-            free_halves(gated, taken, ghosted, count[e])
+        free_halves(gated, taken, ghosted, count[e], ll)
         refused[e] = initiate(tracks, constants, z[e], R, count[e], taken, scratch, mm, ll)
 
 
@@ -234,14 +229,25 @@ def is_ghost(s, t, pair, constants, wave, reference, scratch, ll):
     return False
 
 
+@inlined
+def mark_gated(p, count, gated):
+    """Fill gated (measurement, track): whether p (track, model, measurement) is positive for any model."""
+    for i in range(count):
+        for t in range(p.shape[0]):
+            gated[i, t] = False
+            for m in range(p.shape[1]):
+                gated[i, t] |= p[t, m, i] > 0.0
+
+
 @kernel
-def free_halves(gated, taken, ghosted, count):
-    """Free the returns of the first two pairs that only tracks with no return at the other of them hold.
+def free_halves(gated, taken, ghosted, count, ll):
+    """With directions, free returns of the first two pairs that only tracks with no return at the other pair hold.
 
     A track at a mirror image may hold the return of one receiver, and never that of the other. Then the target starts a
     track of its own, which takes both. gated (pair, measurement, track): whether the measurement is in the gate.
+    ghosted (pair, measurement): whether it is the ghost of a track.
     """
-    for pair in range(2):
+    for pair in range(2 if len(ll) == 3 else 0):
         other = 1 - pair
         for i in range(count[pair]):
             held = ghosted[pair, i]

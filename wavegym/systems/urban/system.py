@@ -234,7 +234,7 @@ class Urban(System, DecisionMakers, TimedPulses):
             given = len(self.truth_model.arrivals)
             raise InputError(f"truth has arrivals of {given} targets, expected {len(self.arrivals)}, as in the system")
         check_time_on_target(self.timings, self.dt)
-        _ = self.actions, self.urban_tracker, self.scene, self._most
+        _ = self._most, self.actions, self.urban_tracker, self.scene
 
     @cached_property
     def map(self) -> UrbanMap:
