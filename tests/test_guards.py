@@ -256,9 +256,16 @@ GOOD: dict[str, dict[str, Argument]] = {
         "duration": non_negative(0.1), "wavelength": positive(0.03), "density": non_negative(1.0),
         "acceleration": non_negative(1.0),
     },
+    "acceleration_loss": {
+        "duration": non_negative(0.1), "wavelength": positive(0.03), "acceleration": finite(1.0),
+    },
     "mean_rate_variance": {"duration": non_negative(0.1), "density": non_negative(1.0)},
-    "false_return_density": {"unit_covariance": definite(P2), "threshold": positive(9.0)},
-    "false_return_threshold": {"unit_covariance": definite(P2), "density": positive(1e-6)},
+    "false_return_density": {
+        "unit_covariance": definite(P2), "threshold": positive(9.0), "elements": Argument("count", 3),
+    },
+    "false_return_threshold": {
+        "unit_covariance": definite(P2), "density": positive(1e-6), "elements": Argument("count", 3),
+    },
     "gate_probability": {"gate": positive(4.0)},
     "gate_volume": {"S": definite(P2), "gate": positive(4.0)},
     "inside_gate": {"innovation": finite(np.ones(2)), "S": definite(P2), "gate": positive(4.0)},
@@ -285,7 +292,7 @@ GOOD: dict[str, dict[str, Argument]] = {
     "constant_acceleration": WHITE,
     "constant_turn": WHITE | {"turn_rate": finite(0.1)},
     "nearly_constant_velocity": STEP | {"sigma": non_negative(0.5), "acceleration": non_negative(0.5)},
-    "nearly_constant_acceleration": STEP | {"sigma": non_negative(0.5)},
+    "nearly_constant_acceleration": STEP | {"sigma": non_negative(0.5), "push": non_negative(0.2)},
     "coordinated_turn": STEP
     | {"turn_rate": finite(0.1), "sigma": non_negative(0.5), "acceleration": non_negative(0.5)},
     "MotionModel": MOTION | {"names": given_as(("r", "rdot"))},

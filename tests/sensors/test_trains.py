@@ -12,7 +12,13 @@ from scipy.ndimage import maximum_filter
 
 from wavegym.core.errors import InputError
 from wavegym.sensors.detection import detection_probability, mean_inverse_detected_snr
-from wavegym.sensors.trains import false_return_density, false_return_threshold, mean_rate_variance, motion_loss
+from wavegym.sensors.trains import (
+    acceleration_loss,
+    false_return_density,
+    false_return_threshold,
+    mean_rate_variance,
+    motion_loss,
+)
 from wavegym.waveforms import GaussianChirp, PulseTrain, TrapezoidChirp, Waveform
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
@@ -50,6 +56,14 @@ def test_motion_leaves_the_simulated_share(duration, q, sigma) -> None:
     error = kept.std() / math.sqrt(len(kept)) / kept.mean()
     decibels = 10.0 * math.log10(kept.mean() / motion_loss(duration, WAVE, q, sigma))
     assert abs(decibels) < (0.6 if q and sigma else 0.2) + 4.34 * 3.0 * error
+
+
+@pytest.mark.parametrize("acceleration", [-20.0, 5.0, 60.0, 200.0])
+def test_a_steady_acceleration_leaves_the_simulated_share(acceleration) -> None:
+    duration = 0.064
+    t = (np.arange(PULSES) + 0.5) * duration / PULSES - 0.5 * duration
+    kept = share_kept(3.0 * t[None] + 0.5 * acceleration * t[None] ** 2)
+    np.testing.assert_allclose(acceleration_loss(duration, WAVE, acceleration), kept[0], rtol=0.02)
 
 
 def test_the_mean_range_rate_moves_away_from_the_middle_one() -> None:
@@ -200,12 +214,14 @@ def test_the_echo_is_detected_as_often_as_the_law_says(energy, q, sigma) -> None
     assert abs(detected(energy, q, sigma, threshold, worlds) - expected) < 3.5 * error + 0.015
 
 
-@given(st.floats(1.6, 60.0), st.floats(0.1, 1e3), st.floats(0.01, 1e3), st.floats(-0.99, 0.99))
-def test_the_threshold_is_the_inverse_of_the_density(threshold, range_error, rate_error, correlation) -> None:
+@given(
+    st.floats(2.8, 60.0), st.floats(0.1, 1e3), st.floats(0.01, 1e3), st.floats(-0.99, 0.99), st.sampled_from([1, 2, 3])
+)
+def test_the_threshold_is_the_inverse_of_the_density(threshold, range_error, rate_error, correlation, elements) -> None:
     cross = correlation * range_error * rate_error
     C = np.array([[range_error**2, cross], [cross, rate_error**2]])
-    density = false_return_density(C, threshold)
-    np.testing.assert_allclose(false_return_threshold(C, density), threshold, rtol=1e-6)
+    density = false_return_density(C, threshold, elements)
+    np.testing.assert_allclose(false_return_threshold(C, density, elements), threshold, rtol=1e-6)
 
 
 def test_a_train_needs_a_threshold_higher_by_the_logarithm_of_its_pulses() -> None:

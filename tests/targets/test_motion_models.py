@@ -197,7 +197,9 @@ def test_the_papers_matrices() -> None:
     block = np.array([[T**2 / 2, 0], [T, 0], [0, T**2 / 2], [0, T], [1, 0], [0, 1]])  # G of the Wiener sequence
     Q = nearly_constant_acceleration(T, 0.3).Q[np.ix_(order, order)]
     np.testing.assert_allclose(Q, block @ np.diag([0.09, 0.09]) @ block.T)
+    both = nearly_constant_acceleration(T, 0.3, 0.25).Q[np.ix_(order, order)]
     block[4:] = 0.0
+    np.testing.assert_allclose(both, Q + block @ np.diag([0.0625, 0.0625]) @ block.T)
     Q = nearly_constant_velocity(T, 0.25).Q[np.ix_(order, order)]
     np.testing.assert_allclose(Q, block @ np.diag([0.0625, 0.0625]) @ block.T + np.diag([0, 0, 0, 0, 0.25, 0.25]))
     np.testing.assert_array_equal(nearly_constant_velocity(T, 0.25, 0.0).Q[4:], 0.0)

@@ -75,7 +75,13 @@ from wavegym.sensors.multistatic import (
 )
 from wavegym.sensors.platform import View, fov_penalty, platform_jacobian, platform_measurement, platform_view
 from wavegym.sensors.receiver import ArrayReceiver, Peaks
-from wavegym.sensors.trains import false_return_density, false_return_threshold, mean_rate_variance, motion_loss
+from wavegym.sensors.trains import (
+    acceleration_loss,
+    false_return_density,
+    false_return_threshold,
+    mean_rate_variance,
+    motion_loss,
+)
 from wavegym.sensors.urban_map import Building, Road, UrbanMap
 
 __all__ = [
@@ -98,6 +104,7 @@ __all__ = [
     "Road",
     "UrbanMap",
     "View",
+    "acceleration_loss",
     "agreeing_combinations",
     "combined_interval",
     "detected_snr",

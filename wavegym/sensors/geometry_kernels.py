@@ -59,6 +59,16 @@ def snr_at(r, reference, reflected):
 
 
 @inlined
+def multistatic_acceleration(x, y, u, v, a, b, tx, ty, sx, sy):
+    """Second derivative of half the path length of a target at (x, y) with velocity (u, v) and acceleration (a, b)."""
+    total = 0.0
+    for cx, cy in ((tx, ty), (sx, sy)):
+        r, rate = range_and_rate(x, y, u, v, cx, cy)
+        total += 0.5 * (a * (x - cx) + b * (y - cy) + u * u + v * v - rate * rate) / r
+    return total
+
+
+@inlined
 def noise(wave, eta, rate_floor):
     """(R00, R01, R11) of range and range-rate; wave (2, 2): covariance at unit SNR; rate_floor: a deviation, m/s."""
     return wave[0, 0] / eta, wave[0, 1] / eta, wave[1, 1] / eta + rate_floor * rate_floor

@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from wavegym.core.arrays import Array, check_elements, check_finite, check_shape
 from wavegym.core.errors import InputError, check_int, check_non_negative, check_positive, check_within
 from wavegym.sensors import receiver_kernels as kernels
+from wavegym.sensors.trains import false_return_density
 from wavegym.waveforms import PulseTrain
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
@@ -200,21 +201,16 @@ class ArrayReceiver:
     def false_returns(self, threshold: float) -> float:
         """Expected number of noise peaks above a threshold, per (m x m/s).
 
-        The expected Euler characteristic of the excursion set: |A|^2 is a chi-square field with two degrees of freedom
-        over delay, Doppler and direction (Worsley, "Local maxima and the expected Euler characteristic of excursion
-        sets of chi^2, F and t fields", Adv. Appl. Prob. 26, 1994); minus the peaks lost between cells.
-        InputError for a threshold that is not > 0.
+        ``trains.false_return_density`` over delay, Doppler and direction, minus the peaks lost between cells.
+        InputError for a threshold below its lowest one.
         """
-        check_positive("threshold", threshold)
-        curvature, twice = self._curvature, 2.0 * threshold
-        cell = abs(np.linalg.det(self._cells))
-        density = math.sqrt(np.linalg.det(curvature)) / cell * math.exp(-threshold) / (2.0 * math.pi)
+        curvature = self._curvature
+        density = false_return_density(self._unit_covariance, check_positive("threshold", threshold), self.elements)
         seen = _between_cells(threshold * curvature[0, 0]) * _between_cells(threshold * curvature[1, 1])
-        if self.elements == 1:
-            return density * seen * (twice - 1.0)
-        spread = (2.0 * math.pi) ** 2 * (self.elements**2 - 1.0) / 12.0  # of the phase with spatial frequency
-        seen *= _between_cells(threshold * spread / (BEAMS_PER_ELEMENT * self.elements) ** 2)
-        return density * seen * math.sqrt(spread / (2.0 * math.pi) * twice) * (twice - 3.0)
+        if self.elements > 1:
+            spread = (2.0 * math.pi) ** 2 * (self.elements**2 - 1.0) / 12.0  # of the phase with spatial frequency
+            seen *= _between_cells(threshold * spread / (BEAMS_PER_ELEMENT * self.elements) ** 2)
+        return float(density * seen)
 
     def threshold(self, density: float) -> float:
         """Threshold at which noise has ``density`` peaks per (m x m/s); InputError for a density out of range."""
@@ -307,8 +303,12 @@ class ArrayReceiver:
     @cached_property
     def _curvature(self) -> Array:
         """C in |A|^2 = exp(-d^T C d), d in cells, of the image of a train: the Fisher information at an SNR of 1."""
-        information = np.linalg.inv(self.train.fisher_factors().measurement_covariance(self.carrier))
-        return np.asarray(self._cells @ information @ self._cells)
+        return np.asarray(self._cells @ np.linalg.inv(self._unit_covariance) @ self._cells)
+
+    @property
+    def _unit_covariance(self) -> Array:
+        """Of range and range-rate at an SNR of 1, (2, 2)."""
+        return self.train.fisher_factors().measurement_covariance(self.carrier)
 
     @cached_property
     def _peak_law(self) -> tuple[Array, Array, Array, tuple[float, float, float], int, float]:

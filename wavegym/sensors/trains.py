@@ -24,17 +24,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from wavegym.core.arrays import Array, check_broadcast, check_elements, check_last_axes
+from wavegym.core.arrays import Array, check_broadcast, check_elements, check_finite, check_last_axes
 from wavegym.core.covariances import check_positive_definite
-from wavegym.core.errors import InputError, check_non_negative, check_positive
+from wavegym.core.errors import InputError, check_int, check_non_negative, check_positive
 
 KNEE, DECAY = 115.0, 0.336  # of the loss by white acceleration: fitted to simulated trains, within 0.16 dB
 _HALF_LINE, _WEIGHTS = np.polynomial.legendre.leggauss(40)
 NODES = 1.5 * np.square(1.0 + _HALF_LINE)  # accelerations from 0 to 6 standard deviations, most of them near 0
 WEIGHTS = _WEIGHTS * (1.0 + _HALF_LINE) * np.exp(-0.5 * np.square(NODES))
 OFFSETS = np.linspace(0.0, 1.0, 61)  # of the Doppler filter from the middle of the sweep, over half of the sweep
+STEPS = 60  # halvings of the interval in which a threshold lies
 MEAN_RATE = 33.0 / 560.0  # integral of the squared weight of the velocity's later increments in the mean range-rate
-LOWEST_THRESHOLD = 1.5  # below it peaks of noise merge: (2 T - 1) exp(-T) has its maximum there
+LOWEST, LOWEST_OF_ARRAY = 1.5, 2.725  # thresholds below which peaks of noise merge: their number has its maximum there
+HIGHEST = 700.0  # a threshold that no noise exceeds
 
 
 def motion_loss(
@@ -69,6 +71,25 @@ def motion_loss(
     return np.asarray(np.minimum(white, steady @ WEIGHTS / WEIGHTS.sum()))
 
 
+def acceleration_loss(duration: ArrayLike, wavelength: ArrayLike, acceleration: ArrayLike) -> Array:
+    """Share of the energy E that the best Doppler filter keeps of a target of a known steady acceleration, in (0, 1].
+
+    Args:
+        duration: T of the train, s, >= 0, any shape.
+        wavelength: lambda, m, > 0, any shape that broadcasts.
+        acceleration: along the line of sight, m/s^2, of either sign.
+
+    Raises:
+        InputError: an invalid shape or value.
+    """
+    T, wave, a = check_broadcast(
+        duration=check_elements(check_non_negative, "duration", duration),
+        wavelength=check_elements(check_positive, "wavelength", wavelength),
+        acceleration=check_finite("acceleration", acceleration),
+    )
+    return _steady_share(np.sqrt(np.abs(a) / wave) * T)
+
+
 def _steady_share(u: Array) -> Array:
     """The greatest power over Doppler of a steady acceleration with |a| T^2 / lambda = u^2."""
     half = np.maximum(u, 1e-3)[..., None]  # the loss is below 1e-12 there
@@ -98,40 +119,60 @@ def mean_rate_variance(duration: ArrayLike, density: ArrayLike) -> Array:
     return np.asarray(MEAN_RATE * q * T)
 
 
-def false_return_density(unit_covariance: ArrayLike, threshold: ArrayLike) -> Array:
+def false_return_density(unit_covariance: ArrayLike, threshold: ArrayLike, elements: int = 1) -> Array:
     """Expected number of noise peaks above a threshold, per m and m/s: (2 T - 1) exp(-T) / (2 pi sqrt(det C)).
 
     The expected Euler characteristic of the excursion set: the power is a chi-square field with two degrees of freedom
     over delay and Doppler (Worsley, "Local maxima and the expected Euler characteristic of excursion sets of chi^2, F
     and t fields", Adv. Appl. Prob. 26, 1994). Its curvature is the Fisher information at eta = 1 of any waveform.
 
+    A line of L elements adds the direction: the field has three axes, and peaks in all directions count. Its curvature
+    over spatial frequency is v = (2 pi)^2 (L^2 - 1) / 12, and sqrt(v T / pi) (2 T - 3) takes the place of 2 T - 1.
+
     Args:
         unit_covariance: C of range and range-rate at eta = 1, (..., 2, 2).
-        threshold: T, power over that of the noise, >= 1.5, any shape that broadcasts.
+        threshold: T, power over that of the noise, >= 1.5 (2.725 for several elements), any shape that broadcasts.
+        elements: L of a line of elements of which the receiver searches the best direction.
 
     Raises:
         InputError: an invalid shape or value.
     """
-    T = np.asarray(threshold, np.float64)
-    if not (np.isfinite(T) & (T >= LOWEST_THRESHOLD)).all():
-        raise InputError(f"threshold is {threshold!r:.40}, expected finite numbers >= {LOWEST_THRESHOLD} (nearest)")
-    return np.asarray((2.0 * T - 1.0) * np.exp(-T) / _cell(unit_covariance))
+    T, lowest = np.asarray(threshold, np.float64), _lowest(elements)
+    if not (np.isfinite(T) & (lowest <= T)).all():
+        raise InputError(f"threshold is {threshold!r:.40}, expected finite numbers >= {lowest} (nearest)")
+    return np.asarray(_peaks(T, elements) / _cell(unit_covariance))
 
 
-def false_return_threshold(unit_covariance: ArrayLike, density: ArrayLike) -> Array:
+def false_return_threshold(unit_covariance: ArrayLike, density: ArrayLike, elements: int = 1) -> Array:
     """The threshold T at which noise has ``density`` peaks per m and m/s; inverse of ``false_return_density``.
 
     Raises:
-        InputError: an invalid shape, or more peaks than noise has at a threshold of 1.5.
+        InputError: an invalid shape or value, or more peaks than noise has at the lowest threshold.
     """
-    wanted = check_elements(check_positive, "density", density)
-    cell = _cell(unit_covariance)
-    share = wanted * cell  # (2 T - 1) exp(-T), to be solved for T
-    greatest = (2.0 * LOWEST_THRESHOLD - 1.0) * math.exp(-LOWEST_THRESHOLD)
+    wanted, cell = check_elements(check_positive, "density", density), _cell(unit_covariance)
+    share, lowest = np.asarray(wanted * cell), _lowest(elements)
+    greatest = _peaks(np.asarray(lowest), elements)
     if (share > greatest).any():
         most = np.min(greatest / cell)
         raise InputError(f"density is {density!r:.40} per (m x m/s), expected at most {most:.4g} (nearest)")
-    return np.asarray(0.5 - np.real(special.lambertw(-0.5 * math.exp(0.5) * share, -1)))
+    low, high = np.full(share.shape, lowest), np.full(share.shape, HIGHEST)
+    for _ in range(STEPS):
+        middle = 0.5 * (low + high)
+        above = _peaks(middle, elements) > share
+        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    return np.asarray(0.5 * (low + high))
+
+
+def _lowest(elements: int) -> float:
+    return LOWEST if check_int("elements", elements, 1) == 1 else LOWEST_OF_ARRAY
+
+
+def _peaks(T: Array, elements: int) -> Array:
+    """Peaks of noise above T in a cell of 2 pi sqrt(det C)."""
+    if elements == 1:
+        return np.asarray((2.0 * T - 1.0) * np.exp(-T))
+    spread = (2.0 * math.pi) ** 2 * (elements**2 - 1.0) / 12.0
+    return np.asarray(np.sqrt(spread * T / math.pi) * (2.0 * T - 3.0) * np.exp(-T))
 
 
 def _cell(unit_covariance: ArrayLike) -> Array:

@@ -234,12 +234,14 @@ def constant_turn(dt: float, q: float, turn_rate: float, order: str = "axis") ->
     return MotionModel(F, straight.Q, straight.names)
 
 
-def nearly_constant_acceleration(dt: float, sigma: float) -> MotionModel:
+def nearly_constant_acceleration(dt: float, sigma: float, push: float = 0.0) -> MotionModel:
     """NCA (Wiener sequence): the acceleration changes by white steps of standard deviation ``sigma``.
 
     Args:
         dt: step [s].
         sigma: standard deviation of the change of acceleration per step on each axis [m/s²].
+        push: standard deviation of a white acceleration on each axis, constant during each step and forgotten after it
+            [m/s²].
 
     Raises:
         InputError: dt not > 0, or a negative standard deviation.
@@ -247,7 +249,10 @@ def nearly_constant_acceleration(dt: float, sigma: float) -> MotionModel:
     T = check_positive("dt", dt, "s")
     F = np.kron(np.array([[1.0, T, T * T / 2], [0.0, 1.0, T], [0.0, 0.0, 1.0]]), np.eye(2))
     G = np.kron([[T * T / 2], [T], [1.0]], np.eye(2))
-    return MotionModel(F, check_non_negative("sigma", sigma) ** 2 * (G @ G.T), MANOEUVRE_NAMES)
+    pushed = G * [[1.0], [1.0], [1.0], [1.0], [0.0], [0.0]]
+    Q = check_non_negative("sigma", sigma) ** 2 * (G @ G.T)
+    Q += check_non_negative("push", push) ** 2 * (pushed @ pushed.T)
+    return MotionModel(F, Q, MANOEUVRE_NAMES)
 
 
 def _turning(dt: float, turn_rate: float, sigma: float, acceleration: float) -> MotionModel:

@@ -42,7 +42,10 @@ FILTERS: dict[str, dict[str, Any]] = {
 }
 MYOPIC, TURNS, LONG, SHORT, RANDOM = "myopic", "round-robin", "fixed:2", "fixed:0", "random"
 POLICIES = (MYOPIC, TURNS, LONG, SHORT, RANDOM)
-PAPER: dict[str, Any] = {"direction_of_arrival": False, "truth": {"sigma": 0.0}}  # targets keep to the route
+PAPER: dict[str, Any] = {
+    "direction_of_arrival": False, "error_snr": "mean", "searched": 0, "false_alarm": 1e-3,
+    "truth": {"sigma": 0.0},  # targets keep to the route
+}  # fmt: skip
 PULSES = (0.5e-6, 1.375e-6)  # s, in the paper's order; without a track the scheduler sends the first pulse
 CHUNK = 50  # worlds played as one batch
 

@@ -57,15 +57,17 @@ class Errors:
 
 @pytest.mark.slow
 def test_the_tracker_is_consistent_over_all_scans():
-    """200 episodes: mean NEES within 10 % of its expectation 4, true over believed at most 1.25, 2 % of tracks lost.
+    """300 episodes: mean NEES within 10 % of its expectation 4, true over believed 0.9 to 1.1, 3 % of tracks lost.
 
-    The mean lies below 4: the probabilities of motion models that the target does not follow widen the covariance.
+    In two of these worlds a mirror image would confirm its track before the target does, with a NEES above 1e3.
     """
-    found = Errors(SYSTEM, 200)
+    found = Errors(SYSTEM, 300, seed=12)
     mean, error = found.mean_nees()
     assert abs(mean - 4.0) < 0.4 + 2.0 * error
-    assert found.true_over_believed()[0] < 1.25
-    assert found.lost() <= 0.02
+    ratio, error = found.true_over_believed()
+    assert abs(ratio - 1.0) < 0.1 + 2.0 * error
+    assert found.nees[found.held].max() < 1e3
+    assert found.lost() <= 0.03
 
 
 @pytest.mark.slow
@@ -73,8 +75,8 @@ def test_the_tracker_is_consistent_over_all_scans():
 def test_the_tracker_is_consistent_where_it_knows_the_snr_of_errors(law, tmp_path):
     """200 episodes of a target that stands on an open road, eta 131: NEES as where errors have the mean SNR.
 
-    A tracker that assumes the mean SNR believes errors that are too small. NEES lies below 4: the target stands still,
-    and the tracker allows for accelerations.
+    The receiver reports the covariance of each return. NEES lies below 4: the target stands still, and the tracker
+    allows for accelerations.
     """
     road = tmp_path / "plain.toml"
     road.write_text("roads = [{centre = [[1900, 1505], [2200, 1505]], width = 30}]")
@@ -84,13 +86,10 @@ def test_the_tracker_is_consistent_where_it_knows_the_snr_of_errors(law, tmp_pat
         "charged": 1, "reference_snr": 4.0, "fluctuation": law,
     }  # fmt: skip
     still = {"sigma": 0.0}
-    plain = Errors(Urban(**common, truth=still), 200).mean_nees()[0]
-    matched, error = Errors(Urban(**common, error_snr="realised", truth=still), 200).mean_nees()
-    deceived = Errors(Urban(**common, truth={**still, "error_snr": "realised"}), 200).mean_nees()[0]
+    plain = Errors(Urban(**common, error_snr="mean", truth=still), 200).mean_nees()[0]
+    matched, error = Errors(Urban(**common, truth=still), 200).mean_nees()
     assert abs(matched - plain) < 2.0 * error
     assert 3.0 < matched < 4.0
-    assert deceived > 4.0 + 2.0 * error
-    assert deceived > 1.25 * matched
 
 
 @pytest.mark.slow
@@ -111,7 +110,8 @@ def test_the_tracker_is_consistent_with_receivers_elsewhere(receivers):
     found = Errors(Urban(receivers=receivers), 50)
     nees = np.sort(found.nees[found.held])
     assert nees[: int(0.97 * len(nees))].mean() < 4.4
-    assert found.true_over_believed()[0] < 1.25
+    ratio, error = found.true_over_believed()
+    assert ratio - 2.0 * error < 1.25
 
 
 @pytest.mark.slow
@@ -122,6 +122,22 @@ def test_the_tracker_is_consistent_with_simulated_signals():
     assert mean - 2.0 * error < 4.4
     ratio, error = found.true_over_believed()
     assert ratio - 2.0 * error < 1.25
+
+
+@pytest.mark.slow
+def test_the_tracker_of_signals_is_consistent_without_walls(tmp_path):
+    """60 episodes: mean NEES within 15 % of 4. With walls, paths closer than a resolution cell give one return."""
+    road = tmp_path / "open.toml"
+    road.write_text(
+        "junctions = [[[2000, 1440], [2140, 1440], [2140, 1570], [2000, 1570]]]\n"
+        "roads = [{centre = [[1900, 1505], [2200, 1505]], width = 30},"
+        "{centre = [[2070, 1300], [2070, 1750]], width = 40}]"
+    )
+    found = Errors(UrbanSignal(city=str(road)), 60)
+    mean, error = found.mean_nees()
+    assert abs(mean - 4.0) < 0.6 + 2.0 * error
+    ratio, error = found.true_over_believed()
+    assert abs(ratio - 1.0) < 0.1 + 2.0 * error
 
 
 @pytest.mark.parametrize("since", [50, 90])

@@ -11,6 +11,7 @@ from scipy import stats
 
 from wavegym.core.system import State
 from wavegym.sensors import detection_probability
+from wavegym.systems.urban.kernels import snr_of_peak
 from wavegym.systems.urban.system import Urban, UrbanSignal
 
 PLAIN = "roads = [{centre = [[1900, 1505], [2200, 1505]], width = 30}]"
@@ -125,10 +126,10 @@ def test_errors_have_the_snr_that_a_simulated_receiver_detects(plain, name, snr,
     In worlds of the same key the errors at the mean differ by the root of the SNR alone, which shows it echo by echo.
     """
     settings = {"city": plain, "arrivals": (0.0,), "truth": {"sigma": 0.0}, "clutter_density": 1e-12}
-    settings |= {"fluctuation": name, "searched": searched, "rate_floor": 1e-9}
+    settings |= {"fluctuation": name, "searched": searched, "rate_floor": 1e-9, "false_alarm": 1e-3, "pulses": 25}
     common, eta = at_snr(snr, **settings)
     own = drawn_echoes(name, eta[0], searched)
-    at_mean, R, seen = first_returns(Urban(**common), 15_000)
+    at_mean, R, seen = first_returns(Urban(**common, error_snr="mean"), 15_000)
     off, wider, same = first_returns(Urban(**common, error_snr="realised"), 15_000)
     np.testing.assert_array_equal(seen, same)
     realised = eta[0] * (at_mean / off) ** 2  # of each quantity
@@ -140,7 +141,6 @@ def test_errors_have_the_snr_that_a_simulated_receiver_detects(plain, name, snr,
     wanted = np.mean(mixed**2)
     normalised = off[:, :2] / np.sqrt(np.diagonal(R.mean(axis=0))[:2])
     assert stats.ks_2samp(normalised[:, 0], mixed[:100_000]).pvalue > 1e-3
-    # 1 %: R is at the measured range, which the error spreads
     bound = 4.5 * np.std(mixed**2) * np.sqrt(1.0 / len(off) + 1.0 / len(mixed)) + 0.01 * wanted
     np.testing.assert_allclose((normalised**2).mean(axis=0), wanted, atol=bound)
     np.testing.assert_allclose(np.diagonal(wider.mean(axis=0)) / np.diagonal(R.mean(axis=0)), wanted, atol=bound)
@@ -172,8 +172,8 @@ def test_a_steady_echo_has_the_mean_snr():
 @pytest.mark.slow
 def test_the_world_may_have_errors_that_the_tracker_does_not_assume():
     """``truth`` changes the world alone: what the tracker predicts from a belief stays."""
-    mean, both = Urban(), Urban(error_snr="realised")
-    world = Urban(truth={"error_snr": "realised"})
+    mean, both = Urban(error_snr="mean"), Urban()
+    world = Urban(error_snr="mean", truth={"error_snr": "realised"})
     assert_alike(played(world, 60).truth, played(both, 60).truth)
     assert (played(world, 60).truth.z != played(mean, 60).truth.z).any()
     belief = played(mean, 60).belief
@@ -185,7 +185,7 @@ def test_the_world_may_have_errors_that_the_tracker_does_not_assume():
 def test_signals_have_errors_of_their_own():
     """The choice leaves the measurements of signals, and changes what the tracker expects."""
     mean, realised = (UrbanSignal(error_snr=name) for name in ("mean", "realised"))
-    world = UrbanSignal(truth={"error_snr": "realised"})
+    world = UrbanSignal(error_snr="mean", truth={"error_snr": "realised"})
     state = played(mean, 3, count=1)
     assert state.truth.number.any()
     for other in (realised, world):
@@ -195,3 +195,21 @@ def test_signals_have_errors_of_their_own():
     predicted = [system.predict(belief, np.arange(4)[None]).P for system in (mean, world, realised)]
     np.testing.assert_array_equal(predicted[0], predicted[1])
     assert (predicted[0] != predicted[2]).any()
+
+
+@pytest.mark.parametrize("mean", [12.0, 40.0, 400.0])
+def test_a_peak_has_the_snr_of_the_errors_behind_it(mean):
+    """Simulated Rayleigh echoes in noise, searched over three quantities: the mean of 1 / S of those with a peak.
+
+    Peaks between two powers, from a threshold of 8 to 20: within 12 %, because the law is the first term of a series.
+    """
+    rng, count = np.random.default_rng(5), 2_000_000
+    S = 0.5 * mean * rng.exponential(size=count)
+    noise = rng.standard_normal((2, count)) / math.sqrt(2.0)
+    power = (np.sqrt(S) + noise[0]) ** 2 + noise[1] ** 2 + 0.5 * rng.chisquare(3, count)
+    for low, high in ((10.0, 11.0), (13.0, 14.0), (19.0, 20.0)):
+        peak = (power > low) & (power < high)
+        wanted = np.mean(1.0 / np.maximum(2.0 * S[peak], 1.0))
+        given = np.mean([1.0 / snr_of_peak(2.0 * (y - 1.0), mean) for y in power[peak][:2000]])
+        error = np.std(1.0 / np.maximum(2.0 * S[peak], 1.0)) / math.sqrt(peak.sum())
+        assert abs(given / wanted - 1.0) < 0.12 + 4.0 * error / wanted

@@ -39,7 +39,10 @@ def scanned(system, scan, count, waveform):
 
 @pytest.mark.parametrize("waveform", range(4))
 def test_errors_without_walls_are_those_of_the_measurement_level(plain, waveform):
-    """200 trains per receiver: no bias, deviations within four standard errors (20 %) of sqrt(R(psi) / eta)."""
+    """200 trains per receiver: no bias, deviations within four standard errors (20 %) of sqrt(R(psi) / eta).
+
+    The range-rate has its spread of 0.1 m/s in addition.
+    """
     count, scan = 200, 30
     truth = scanned(plain, scan, count, waveform)
     for m, place in enumerate(plain.receivers):
@@ -48,7 +51,7 @@ def test_errors_without_walls_are_those_of_the_measurement_level(plain, waveform
         exact = np.append(range_and_rate, plain.pairs[m].directions(target[:2])[0])
         eta = 200.0 * plain.durations[waveform // 2] / plain.durations[0] * (100.0 / exact[0]) ** 4
         variances = np.diag(measurement_covariances(plain.actions, 4e9)[waveform])
-        sigma = np.sqrt(np.append(variances, 12.0 / (math.pi**2 * (3**2 - 1))) / eta)
+        sigma = np.sqrt(np.append(variances, 12.0 / (math.pi**2 * (3**2 - 1))) / eta + [0.0, 0.01, 0.0])
         off = truth.z[:, m, 0] - exact  # strongest first
         off[:, 2] -= 2.0 * np.rint(off[:, 2] / 2.0)  # a direction cosine is measured modulo 2
         errors = off / sigma

@@ -20,8 +20,8 @@ CROSSING = UrbanMap.load("intersection")
 TX, RX = (2085.0, 1470.5), ((2088.0, 1475.0), (2078.0, 1467.0))
 PLAIN = UrbanMap(roads=(Road(((1900.0, 1530.0), (2200.0, 1530.0)), 60.0),))
 R, SNR = np.diag([39.2, 0.0069]), 200.0  # of a train of 249 pulses of 40 MHz at 4 GHz
-TRACKER = UrbanTracker(CROSSING, (TX,), RX)
-OPEN = UrbanTracker(PLAIN, (TX,), RX)
+TRACKER = UrbanTracker(CROSSING, (TX,), RX, error_snr="mean")
+OPEN = UrbanTracker(PLAIN, (TX,), RX, error_snr="mean")
 
 
 def scan_of(states, noise=None, most=6):
@@ -330,7 +330,7 @@ def test_a_measurement_of_larger_covariance_counts_less():
     """One scan with the covariances doubled is the update with R doubled."""
     state = np.array([2060.0, 1540.0, 3.0, 4.0])
     z, count = pointed(np.array([2061.0, 1540.5, 3.0, 4.0]))
-    tracker = UrbanTracker(PLAIN, (TX,), RX, axes=AXES, clutter_density=1e-9, rate_floor=1e-6)
+    tracker = UrbanTracker(PLAIN, (TX,), RX, axes=AXES, clutter_density=1e-9, rate_floor=1e-6, error_snr="mean")
     waves = np.tile(R, (1, 2, 1, 1)), np.full((1, 2), SNR)
     given = tracker.direct_errors(z, count, *waves)
     plain, doubled = (tracker.scan(held(tracker, state), z, count, R, SNR, k * given) for k in (1.0, 2.0))

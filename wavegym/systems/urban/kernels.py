@@ -8,17 +8,18 @@ Shapes of tracks: e environments, s slots, t targets, M models, n = 6 states; x 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavegym.core.counter_rng_kernels import exponential, normal, stream, uniform
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.detection_kernels import EchoLaw, received_snr
+from wavegym.sensors.detection_kernels import CELL, EchoLaw, received_snr
 from wavegym.sensors.geometry_kernels import (
     direction_cosine,
     direction_variance,
     folded,
+    multistatic_acceleration,
     multistatic_range_and_rate,
     noise,
     snr_at,
@@ -43,6 +44,16 @@ class SensorLaw(NamedTuple):
     reach: float  # half path length beyond which no echo is received, m
     elements: int  # of each array
     limit: float  # greatest unambiguous range-rate, m/s
+    kept: Any  # (n,) share of the energy that a train keeps of an echo, at even steps of sqrt(|acceleration|)
+    step: float  # of kept, sqrt(m/s^2)
+
+
+@inlined
+def energy_kept(acceleration, law):
+    """Share of the energy that a train keeps of an echo with this acceleration along the line of sight, m/s^2."""
+    place = min(np.sqrt(abs(acceleration)) / law.step, len(law.kept) - 1 - 1e-9)
+    i = int(place)
+    return law.kept[i] + (place - i) * (law.kept[i + 1] - law.kept[i])
 
 
 @kernel
@@ -70,38 +81,50 @@ def move_targets(keys, scans, before, route, present, F, g, sigma, after):
                 after[e, t, axis + 4] += push
 
 
+@inlined
+def report_one(wave, eta, law, R):
+    """Fill R (m, m): covariance of a return of this SNR as the receiver reports it, without the floor of range-rate."""
+    R[0, 0], R[0, 1], R[1, 1] = noise(wave, eta, 0.0)
+    R[1, 0] = R[0, 1]
+    if len(R) == 3:
+        R[2, 2] = direction_variance(eta, law.elements)
+
+
 @kernel
-def measure_targets(key, scan, pair, targets, scene, law, wave, reference, z, count):
+def measure_targets(key, scan, pair, targets, scene, law, wave, reference, z, R, count):
     """Append the detections of targets (target, 6) to z[: count]; return the new count.
 
-    The paths are those that are visible from the route.
+    The paths are those that are visible from the route. Targets accelerate during the train, which costs energy; the
+    range-rate is that at its middle.
     """
     most = scene.path_index.shape[3]
     for g in range(len(targets)):
-        x, y, u, v = targets[g, 0], targets[g, 1], targets[g, 2], targets[g, 3]
+        x, y, u, v, a, b = targets[g]
         for w in range(scene.path_count[pair, scan, g]):
             tx, ty, sx, sy, ax, ay = scene.images[pair, scene.path_index[pair, scan, g, w]]
             r, rate = multistatic_range_and_rate(x, y, u, v, tx, ty, sx, sy)
             if r > law.reach or count >= len(z):
                 continue
             own = stream(key, g * most + w)
-            eta = snr_at(r, reference, scene.reflected[pair, scan, g, w])
+            kept = energy_kept(multistatic_acceleration(x, y, u, v, a, b, tx, ty, sx, sy), law)
+            eta = kept * snr_at(r, reference, scene.reflected[pair, scan, g, w])
             eta, errors = received_snr(eta, 0, own, law.echo), stream(own, ERRORS)
             if eta > 0.0:
                 R00, R01, R11 = noise(wave, eta, law.rate_floor)
-                a, n0, n1 = np.sqrt(R00), normal(errors, 0), normal(errors, 1)
-                b = R01 / a
-                z[count, 0] = r + a * n0
-                z[count, 1] = folded(rate + b * n0 + np.sqrt(R11 - b * b) * n1, law.limit)
+                L00, n0, n1 = np.sqrt(R00), normal(errors, 0), normal(errors, 1)
+                L10 = R01 / L00
+                z[count, 0] = r + L00 * n0
+                z[count, 1] = folded(rate + L10 * n0 + np.sqrt(R11 - L10 * L10) * n1, law.limit)
                 if z.shape[1] == 3:
                     spread = np.sqrt(direction_variance(eta, law.elements))
                     z[count, 2] = folded(direction_cosine(x, y, sx, sy, ax, ay) + spread * normal(errors, 2), 1.0)
+                report_one(wave, eta, law, R[count])
                 count += 1
     return count
 
 
 @kernel
-def measure_clutter(key, law, z, count):
+def measure_clutter(key, law, wave, z, R, count):
     """Append false returns, uniform in all measured quantities, to z[: count]; return the new count."""
     own, expected, sum_of_gaps, i = stream(key, CLUTTER), law.density * law.reach * 2.0 * law.limit, 0.0, 0
     while count < len(z):
@@ -112,12 +135,13 @@ def measure_clutter(key, law, z, count):
         z[count, 1] = law.limit * (2.0 * uniform(own, 3 * i + 2) - 1.0)
         if z.shape[1] == 3:
             z[count, 2] = 2.0 * uniform(stream(key, CLUTTER + 1), i) - 1.0
+        report_one(wave, 2.0 * (law.echo.threshold[0] + exponential(stream(key, CLUTTER + 2), i)), law, R[count])
         count, i = count + 1, i + 1
     return count
 
 
 @kernel
-def measure(keys, scans, targets, scene, law, wave, reference, z, count):
+def measure(keys, scans, targets, scene, law, wave, reference, z, R, count):
     """Scan ``scans[e]`` of every environment e with its targets (env, target, 6).
 
     Fills z (env, pair, measurement, m) and count (env, pair). wave (env, pair, 2, 2), reference (env, pair): covariance
@@ -127,8 +151,10 @@ def measure(keys, scans, targets, scene, law, wave, reference, z, count):
     for e in range(len(keys)):
         for m in range(z.shape[1]):
             key = stream(stream(keys[e], scans[e]), m)
-            found = measure_targets(key, scans[e], m, targets[e], scene, law, wave[e, m], reference[e, m], z[e, m], 0)
-            count[e, m] = measure_clutter(key, law, z[e, m], found)
+            found = measure_targets(
+                key, scans[e], m, targets[e], scene, law, wave[e, m], reference[e, m], z[e, m], R[e, m], 0
+            )  # fmt: skip
+            count[e, m] = measure_clutter(key, law, wave[e, m], z[e, m], R[e, m], found)
 
 
 @kernel
@@ -169,11 +195,14 @@ def fluctuation_draws(keys, scans, draws):
 
 
 @kernel
-def receive_targets(key, scan, pair, targets, scene, factors, reference, reach, offsets, times, speed, law, outputs):
+def receive_targets(
+    key, scan, pair, targets, scene, factors, reference, reach, rate_floor, offsets, times, speed, law, outputs
+):  # fmt: skip
     """Add the echoes of targets (target, 6) over the visible paths to outputs (pulse, element, 2, delay).
 
     factors (target x slot): SNR of each path in this scan over its mean. reference: eta at 100 m. offsets, times: see
-    ``path_delays``; law: see ``add_echoes``, without its last argument. Each path has a new phase in each scan.
+    ``path_delays``; law: see ``add_echoes``, without its last argument. In each scan each path has a new phase, and a
+    new range-rate about that of its target (standard deviation rate_floor).
     """
     own, slots, count = stream(stream(key, scan), pair), scene.path_index.shape[3], 0
     most = len(targets) * slots
@@ -192,6 +221,9 @@ def receive_targets(key, scan, pair, targets, scene, factors, reference, reach, 
         if r > reach:
             continue
         g, w = divmod(numbers[i], slots)
+        shift = 2.0 / speed * rate_floor * normal(stream(own, numbers[i]), 2)
+        for q in range(len(times)):
+            delays[i, q] += shift * times[q]
         eta = factors[numbers[i]] * snr_at(r, reference, scene.reflected[pair, scan, g, w])
         phase = 2.0 * np.pi * uniform(stream(own, numbers[i]), 0)
         amplitudes[i] = np.sqrt(0.5 * eta) * complex(np.cos(phase), np.sin(phase))
@@ -210,21 +242,35 @@ def receive_noise(key, scan, pair, waveform, frames, law, outputs):
     add_noise(own, recorded, 1.0 / np.sqrt(frames * len(outputs)), law.rank, law.factors, law.second, outputs)
 
 
+@inlined
+def snr_of_peak(snr, mean):
+    """eta at which C / eta is the covariance of the errors of a peak; ``mean``: mean eta of a Rayleigh echo.
+
+    The peak has the power snr / 2 + 1 of echo and noise, and the search over delay, Doppler and direction has added 3/2
+    (half a chi-square variable of three degrees of freedom). With m = mean / 2 and k = m / (m + 1), the amplitude given
+    the peak is complex normal: its mean has k^2 of the power, its variance is k. The mean of 1 / S is about that of one
+    over their difference. So noise that has raised a weak echo above the threshold does not make it look precise.
+    """
+    m = 0.5 * mean
+    k = m / (m + 1.0)
+    return max(2.0 * (k * k * (0.5 * snr - 0.5) - k), CELL)
+
+
 @kernel
-def report(z, R, snr, reference, out, out_R):
+def report(z, R, snr, reference, steady, out, out_R):
     """Write measurements to out (most, m) and their covariances to out_R (most, m, m); return their number.
 
-    z (peak, 3), R (peak, 3, 3) and snr (peak,) belong to the peaks. A peak may be higher than the peak of a direct path
-    of the same range. It then has the covariance at the SNR of that path, because noise has raised the peak: near the
-    threshold only echoes that noise raises are detected.
+    z (peak, 3), R (peak, 3, 3) and snr (peak,) belong to the peaks. The mean SNR of an echo is that of a direct path of
+    its range. steady: whether every echo has it.
     """
     count, size = min(len(z), len(out)), out.shape[1]
     for i in range(count):
-        raised = max(snr[i] / snr_at(z[i, 0], reference, 1.0), 1.0)
+        mean = snr_at(z[i, 0], reference, 1.0)
+        wider = snr[i] / (mean if steady else snr_of_peak(snr[i], mean))
         for j in range(size):
             out[i, j] = z[i, j]
             for k in range(size):
-                out_R[i, j, k] = raised * R[i, j, k]
+                out_R[i, j, k] = wider * R[i, j, k]
     return count
 
 

@@ -34,6 +34,7 @@ class UrbanReceivers:
         snr: eta of each waveform at 100 m, (waveform,).
         density: expected noise peaks above the threshold, per (m x m/s).
         fluctuation: model of the fluctuation of each path's echo from scan to scan, see ``wavegym.sensors.detection``.
+        rate_floor: standard deviation of each path's range-rate from scan to scan about that of its target, m/s.
     """
 
     pairs: Sequence[Multistatic]
@@ -42,6 +43,7 @@ class UrbanReceivers:
     snr: Array
     density: float
     fluctuation: str = "swerling0"
+    rate_floor: float = 0.0
 
     @cached_property
     def thresholds(self) -> list[float]:
@@ -60,7 +62,8 @@ class UrbanReceivers:
                 waveform = sent[e, m]
                 outputs = self._outputs(key, scan, targets[e], waveform, m, factors[e, m])
                 found = self._peaks(outputs, waveform)
-                count[e, m] = kernels.report(*found, self.snr[waveform], z[e, m], R[e, m])
+                steady = self.fluctuation == "swerling0"
+                count[e, m] = kernels.report(*found, self.snr[waveform], steady, z[e, m], R[e, m])
 
     def scan(self, key: np.uint64, scan: int, targets: Array, waveform: int, m: int) -> Peaks:
         """Peaks of pair m in one scan of one environment with the targets (target, 6)."""
@@ -87,7 +90,7 @@ class UrbanReceivers:
     def _outputs(self, key: np.uint64, scan: int, targets: Array, waveform: int, m: int, factors: Array) -> Array:
         array, outputs = self.arrays[waveform], np.zeros(self.arrays[waveform].shape)
         kernels.receive_targets(
-            key, scan, m, targets, self.scene, factors, self.snr[waveform], array.reach,
+            key, scan, m, targets, self.scene, factors, self.snr[waveform], array.reach, self.rate_floor,
             array.offsets, array.times, SPEED_OF_LIGHT, array.echo_law, outputs,
         )  # fmt: skip
         kernels.receive_noise(key, scan, m, waveform, FRAMES, array.noise_law, outputs)

@@ -61,6 +61,7 @@ def scan(x, P, mu, existence, status, age, constants, wave, reference, z, errors
     p, beta, R = np.empty((slots, len(mm), most)), np.empty((rows, most + 1)), np.empty((pairs, most, len(ll), len(ll)))
     density, own, claim = np.empty((slots, most)), np.empty((slots, most)), np.empty((slots, most))
     ghosts, claims, taken = np.empty(most), np.empty(most), np.empty((pairs, most), np.bool_)
+    gated, ghosted = np.empty((pairs, most, slots), np.bool_), np.empty((pairs, most), np.bool_)
     for e in range(len(x)):
         tracks = slots_of(e, x, P, mu, existence, status, age)
         predict_tracks(tracks, constants, scratch.x, scratch.P, scratch.c, scratch.T, nn, mm)
@@ -70,6 +71,7 @@ def scan(x, P, mu, existence, status, age, constants, wave, reference, z, errors
             add_rate_floor(errors[e, pair], number, constants, R[pair], ll)
             predict_measurements(tracks, constants, pair, own_snr, predicted, scratch, nn, mm, ll)
             weigh_scan(tracks, constants, z[e, pair], R[pair], number, predicted, scratch, p, taken[pair], mm, ll)
+            mark_gated(p, number, gated[pair])
             ghosts[:] = 0.0
             if constants.ghosts:
                 claim_ghosts(
@@ -77,6 +79,7 @@ def scan(x, P, mu, existence, status, age, constants, wave, reference, z, errors
                 )
             for i in range(number):
                 taken[pair, i] |= ghosts[i] > constants.density
+                ghosted[pair, i] = ghosts[i] > constants.density
                 for t in range(slots):
                     density[t, i] = constants.density + ghosts[i]
             lmipda_one(p, tracks.mu, predicted.pd, tracks.existence, density, number, beta, own, claim)
@@ -89,6 +92,7 @@ def scan(x, P, mu, existence, status, age, constants, wave, reference, z, errors
         if constants.ghosts:
             end_ghosts(tracks, constants, wave[e], reference[e], scratch, nn, mm, ll)
         update_status(tracks, constants, mm)
+        free_halves(gated, taken, ghosted, count[e], ll)
         refused[e] = initiate(tracks, constants, z[e], R, count[e], taken, scratch, mm, ll)
 
 
@@ -223,6 +227,34 @@ def is_ghost(s, t, pair, constants, wave, reference, scratch, ll):
                 if whiten(direct, h, L, scratch.w, ll) <= constants.gate:
                     return True
     return False
+
+
+@inlined
+def mark_gated(p, count, gated):
+    """Fill gated (measurement, track): whether p (track, model, measurement) is positive for any model."""
+    for i in range(count):
+        for t in range(p.shape[0]):
+            gated[i, t] = False
+            for m in range(p.shape[1]):
+                gated[i, t] |= p[t, m, i] > 0.0
+
+
+@kernel
+def free_halves(gated, taken, ghosted, count, ll):
+    """With directions, free returns of the first two pairs that only tracks with no return at the other pair hold.
+
+    A track at a mirror image may hold the return of one receiver, and never that of the other. Then the target starts a
+    track of its own, which takes both. gated (pair, measurement, track): whether the measurement is in the gate.
+    ghosted (pair, measurement): whether it is the ghost of a track.
+    """
+    for pair in range(2 if len(ll) == 3 else 0):
+        other = 1 - pair
+        for i in range(count[pair]):
+            held = ghosted[pair, i]
+            for t in range(gated.shape[2]):
+                for k in range(count[other] if gated[pair, i, t] else 0):
+                    held |= gated[other, k, t]
+            taken[pair, i] = held
 
 
 @kernel

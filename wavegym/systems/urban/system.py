@@ -22,7 +22,14 @@ from wavegym.core.parameters import (
 from wavegym.core.policy import makers_by_form
 from wavegym.core.system import ObservationField, State, System
 from wavegym.core.traits import DecisionMaker, DecisionMakers, TimedPulses
-from wavegym.sensors import Antenna, Multistatic, range_and_rate
+from wavegym.sensors import (
+    Antenna,
+    Multistatic,
+    acceleration_loss,
+    false_return_threshold,
+    motion_loss,
+    range_and_rate,
+)
 from wavegym.sensors.detection import echo_law
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import Point, UrbanMap
@@ -54,9 +61,16 @@ from wavegym.waveforms import (
 )
 from wavegym.waveforms.fisher import SPEED_OF_LIGHT
 
-WITH_DIRECTIONS: dict[str, Any] = {"stay": 0.97, "sigma_acceleration": 0.2, "confirm_after": 8}
-"""Settings of the tracker if receivers measure directions of arrival; otherwise it has those of the paper."""
-SEARCHED = 3  # quantities over which a receiver of signals searches for peaks: delay, Doppler, direction
+WITH_DIRECTIONS: dict[str, Any] = {"stay": 0.98, "sigma_acceleration": 0.02, "pushed": True, "confirm_after": 8}
+"""Settings of the tracker if receivers measure directions of arrival; otherwise it has those of the paper.
+
+Drivers brake and speed up steadily for some seconds, under random accelerations that last for a scan. Both belong to
+NCA: a random walk of the acceleration that is wide enough for the second makes covariances too large.
+"""
+SEARCHED = 3  # quantities over which a receiver with an array searches for peaks: delay, Doppler, direction
+ELEMENTS = 3  # of each receiver's array
+GREATEST = 40.0  # m/s^2, greatest acceleration in the table of losses
+LOSSES = 801  # values of this table
 EFFECTIVE = 7.4338  # effective pulse length over duration k: the chirp sweeps its bandwidth in this time
 # Systems share receivers, because computing the noise of a receiver takes 20 ms. Do not write to their arrays.
 _shared_receiver = lru_cache(maxsize=64)(ArrayReceiver)
@@ -75,16 +89,17 @@ class Urban(System, DecisionMakers, TimedPulses):
         A scan is a train of Gaussian chirps of one of four kinds. Receivers have their own antennas (bistatic) and
         listen while the transmitter transmits, so no echo is eclipsed. The direct signal is assumed to be subtracted.
 
-        A propagation path leads from a transmitter over a target to a receiver, with up to two wall reflections. Each
-        receiver detects each path with probability Pd = Pfa^(1 / (1 + eta / 2)), unless ``fluctuation`` or ``searched``
-        name another law. It measures range and range-rate with covariance R(psi) / eta, plus rate_floor^2 for
-        range-rate, and direction of arrival. eta is the mean SNR, unless ``error_snr`` selects the SNR of the scan. The
-        mean falls with the fourth power of the half path length and by a factor of 0.4 at each wall. There are also
-        false returns.
+        A propagation path leads from a transmitter over a target to a receiver, with up to two wall reflections. The
+        echo of each path has a new eta = 2E/N0 in every scan. Its mean falls with the fourth power of the half path
+        length, by a factor of 0.4 at each wall, and with the acceleration along the line of sight, because a train
+        lasts 0.249 s. Each receiver takes the peaks over delay, Doppler shift and direction that exceed its threshold.
+        eta decides on the detection. Range and range-rate have the covariance R(psi) / eta, plus rate_floor^2 for
+        range-rate. There are also false returns: the threshold is that at which noise has ``clutter_density`` peaks.
 
         Each receiver is a line of three elements, half a wavelength apart. It measures the cosine of the angle between
         its line and the direction of arrival, with variance 12 / (pi^2 (3^2 - 1) eta). It cannot tell a direction from
-        its mirror image in the line, so the lines of two receivers stand at right angles.
+        its mirror image in the line, so the lines of two receivers stand at right angles. It reports each return with
+        the covariance at its eta.
 
         The tracker starts, confirms and ends tracks, with LMIPDA and a variable-structure IMM of unscented filters. You
         cannot use a tracker of your own here, because its estimate has a fixed number of targets and no probabilities
@@ -170,7 +185,7 @@ class Urban(System, DecisionMakers, TimedPulses):
     charged: int = parameter(2, "number of slots in the cost", ge=1)
     clutter_density: float = parameter(1e-3, "expected false returns", unit="1/(m m/s)", truth=True, gt=0)
     false_alarm: Probability | None = parameter(
-        None, "Pfa; by default 1e-3, or with fidelity='signal' the value that follows from clutter_density", truth=True
+        None, "Pfa of a known cell; by default that at which noise has clutter_density peaks", truth=True
     )
     fluctuation: Literal["swerling0", "swerling1", "swerling2", "swerling3", "swerling4"] = parameter(
         "swerling1",
@@ -180,16 +195,16 @@ class Urban(System, DecisionMakers, TimedPulses):
         truth=True,
     )
     error_snr: Literal["mean", "realised"] = parameter(
-        "mean",
-        "eta that sets the errors of detected echoes and the tracker's covariances: the mean, or that of the scan "
-        "given the detection, at least 1; with fidelity='signal' peaks keep their own covariances",
+        "realised",
+        "eta that sets the errors of detected echoes and the tracker's covariances: that of the scan, at least 1, or "
+        "the mean, as in the paper; with fidelity='signal' peaks keep their own covariances",
         unit="",
         truth=True,
     )
     searched: int | None = parameter(
         None,
-        "number of quantities over which receivers search for the peak of an echo, which raises Pd; by default 0: "
-        "the cell is known; with fidelity='signal' always 3: delay, Doppler shift, direction",
+        "number of quantities over which receivers search for the peak of an echo, which raises Pd; 0: the cell is "
+        "known; by default delay and Doppler shift, and direction if it is measured; always 3 with fidelity='signal'",
         unit="",
         ge=0,
     )
@@ -221,7 +236,7 @@ class Urban(System, DecisionMakers, TimedPulses):
             given = len(self.truth_model.arrivals)
             raise InputError(f"truth has arrivals of {given} targets, expected {len(self.arrivals)}, as in the system")
         check_time_on_target(self.timings, self.dt)
-        _ = self.actions, self.urban_tracker, self.scene, self._most
+        _ = self._most, self.actions, self.urban_tracker, self.scene
 
     @cached_property
     def map(self) -> UrbanMap:
@@ -293,19 +308,27 @@ class Urban(System, DecisionMakers, TimedPulses):
         """The receivers for ``fidelity="signal"``."""
         trains = [train for train in self.library.entries if isinstance(train, PulseTrain)]
         arrays = [_shared_receiver(train, self.carrier, self.bandwidth, self.reach) for train in trains]
-        return UrbanReceivers(self.pairs, self.scene, arrays, self._waves[1], self.clutter_density, self.fluctuation)
+        return UrbanReceivers(
+            self.pairs, self.scene, arrays, self._waves[1], self.clutter_density, self.fluctuation, self.rate_floor
+        )
 
     @property
     def _false_alarm(self) -> float:
         if self.fidelity == "signal":
             return math.exp(-self.signals.thresholds[0])  # all waveforms sweep the same band
-        return 1e-3 if self.false_alarm is None else self.false_alarm
+        if self.false_alarm is not None:
+            return self.false_alarm
+        return math.exp(
+            -false_return_threshold(
+                self._waves[0][0], self.clutter_density, ELEMENTS if self.direction_of_arrival else 1
+            )
+        )
 
     @property
     def _searched(self) -> int:
-        if self.fidelity == "signal":
-            return SEARCHED
-        return 0 if self.searched is None else self.searched
+        if self.searched is not None:
+            return self.searched
+        return SEARCHED if self.direction_of_arrival or self.fidelity == "signal" else SEARCHED - 1
 
     @cached_property
     def urban_tracker(self) -> UrbanTracker:
@@ -331,6 +354,18 @@ class Urban(System, DecisionMakers, TimedPulses):
         """Covariance at an SNR of 1, (waveform, 2, 2), and the SNR at 100 m, (waveform,)."""
         energy = np.repeat(np.array(self.durations) / max(self.durations), 2)
         return measurement_covariances(self.library, self.carrier), self.reference_snr * energy
+
+    @property
+    def _train(self) -> tuple[float, float]:
+        """Duration of a train, s, and wavelength, m."""
+        return self.pulses * self.interval, SPEED_OF_LIGHT / self.carrier
+
+    @cached_property
+    def _believed_waves(self) -> tuple[Array, Array]:
+        """As ``_waves``, with the energy that trains keep on average of the accelerations that the tracker assumes."""
+        covariance, snr = self._waves
+        pushes, usual = self.sigma**2 * self.dt, self.urban_tracker.constants.first_acceleration
+        return covariance, snr * motion_loss(*self._train, pushes, usual)
 
     @property
     def ambiguity(self) -> float:
@@ -364,8 +399,10 @@ class Urban(System, DecisionMakers, TimedPulses):
     @cached_property
     def _sensor_law(self) -> kernels.SensorLaw:
         law = echo_law((self._false_alarm,), self.fluctuation, self._searched, realised=self.error_snr == "realised")
+        roots = np.linspace(0.0, math.sqrt(GREATEST), LOSSES)
         return kernels.SensorLaw(
-            self.clutter_density, law, self.rate_floor, self.reach, self.urban_tracker.elements, self.ambiguity
+            self.clutter_density, law, self.rate_floor, self.reach, ELEMENTS, self.ambiguity,
+            acceleration_loss(*self._train, roots**2), float(roots[1]),
         )  # fmt: skip
 
     @cached_property
@@ -387,12 +424,12 @@ class Urban(System, DecisionMakers, TimedPulses):
         found = self._no_measurements(len(scan))
         if self.fidelity == "signal":
             law.signals.measure(world.key, scan, truth.targets, sent, *found)
-            if self.direction_of_arrival:
-                return found
         else:
             waves = (values[sent] for values in law._waves)
-            kernels.measure(world.key, scan, truth.targets, law.scene, law._sensor_law, *waves, found.z, found.number)
-        waves = (values[sent] for values in self._waves)
+            kernels.measure(world.key, scan, truth.targets, law.scene, law._sensor_law, *waves, *found)
+        if self.direction_of_arrival:
+            return found
+        waves = (values[sent] for values in self._believed_waves)
         return found._replace(R=self.urban_tracker.direct_errors(found.z, found.number, *waves))
 
     def annotate(self, truth: Truth, measurements: Measurements) -> Truth:
@@ -402,7 +439,7 @@ class Urban(System, DecisionMakers, TimedPulses):
     def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
         """One scan of the tracker."""
         sent = self._sent(action)
-        R, snr = (values[sent] for values in self._waves)
+        R, snr = (values[sent] for values in self._believed_waves)
         tracks = Tracks(*belief[1:])
         return Belief(
             belief.step + 1,
@@ -417,7 +454,7 @@ class Urban(System, DecisionMakers, TimedPulses):
         each = index.size // len(belief.step)
         tracks = self.urban_tracker.expect(
             Tracks(*(np.repeat(leaf, each, axis=0) for leaf in belief[1:])),
-            *(v[self._sent(index)] for v in self._waves),
+            *(v[self._sent(index)] for v in self._believed_waves),
         )
         step = np.repeat(belief.step + 1, each).reshape(lead)
         return Belief(step, *(leaf.reshape(*lead, *leaf.shape[1:]) for leaf in tracks))
@@ -487,8 +524,9 @@ class UrbanSignal(Urban):
         The receiver searches the image for peaks, each in its best direction. A peak counts if it exceeds a threshold,
         which noise exceeds ``clutter_density`` times per (m x m/s). A quadratic fit to log |A|^2 measures the peak.
         Paths less than a resolution cell apart give one peak. A train has 25 pulses and lasts 25 ms. The echo of each
-        path has a new phase and a new amplitude in every scan (``fluctuation``). The tracker accounts for the search:
-        its Pd is that of ``wavegym.sensors.detection_probability`` with searched = 3.
+        path has a new phase, amplitude (``fluctuation``) and range-rate (``rate_floor``) in every scan. The tracker
+        accounts for the search: its Pd is that of ``wavegym.sensors.detection_probability`` with searched = 3. The
+        covariance of a peak allows for the noise and the search that have raised it.
 
     Rewards
         As wavegym/Urban-v0.

@@ -90,6 +90,8 @@ class UrbanTracker:
         turn_rate: turn rate of both turn models, rad/s.
         sigma: standard deviation of acceleration in NCV and turn models, m/s^2.
         sigma_acceleration: standard deviation of the change of acceleration in a scan, NCA, m/s^2.
+        pushed: whether NCA also has the random acceleration of the other models, which lasts for a scan. The paper's
+            NCA has not.
         stay: probability that a target keeps its motion model until the next scan; all others are equally likely. None
             for the matrix of the paper, in which acceleration lasts three scans and turns last a hundred.
         slots: maximum number of tracks. If all are in use, a new track replaces the tentative track of least existence.
@@ -98,7 +100,8 @@ class UrbanTracker:
         false_alarm: Pfa, which relates SNR and detection probability.
         fluctuation: model of the echoes, "swerling0" to "swerling4", see ``wavegym.sensors.detection``.
         error_snr: SNR that sets measurement covariances. "mean": the mean eta. "realised": 1 / E[1 / max(eta, 1)] of a
-            detected echo, for errors at the SNR of the scan. Pd follows from the mean eta in both cases.
+            detected echo, for errors at the SNR of the scan. Pd follows from the mean eta in both cases. Measurements
+            with covariances of their own (``scan``) keep them.
         searched: number of quantities over which receivers search for the peak of an echo, see
             ``detection_probability``.
         rate_floor: standard deviation of range-rate in addition to its noise, m/s.
@@ -131,13 +134,14 @@ class UrbanTracker:
     turn_rate: float = math.pi / 20
     sigma: float = 0.25
     sigma_acceleration: float = 0.3
+    pushed: bool = False
     stay: float | None = None
     slots: int = 8
     clutter_density: float = 1e-3
     gate_probability: float = 0.99
     false_alarm: float = 1e-3
     fluctuation: str = "swerling1"
-    error_snr: Literal["mean", "realised"] = "mean"
+    error_snr: Literal["mean", "realised"] = "realised"
     searched: int = 0
     rate_floor: float = 0.1
     reach: float = 300.0
@@ -196,7 +200,8 @@ class UrbanTracker:
         if self.models == "ncv":
             return (straight,)
         turns = (coordinated_turn(self.dt, sign * self.turn_rate, self.sigma) for sign in (1.0, -1.0))
-        return (straight, nearly_constant_acceleration(self.dt, self.sigma_acceleration), *turns)
+        push = self.sigma if self.pushed else 0.0
+        return (straight, nearly_constant_acceleration(self.dt, self.sigma_acceleration, push), *turns)
 
     @property
     def quantities(self) -> int:
