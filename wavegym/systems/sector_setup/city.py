@@ -81,10 +81,10 @@ class SectorSetupCity(SectorSetup):
 
     def __post_init__(self) -> None:
         """Check several fields together."""
-        super().__post_init__()
         if not self.map.roads:
             raise InputError(f"city is {self.city!r}, expected a map with roads, on which targets start")
         self.map.check_roads()
+        super().__post_init__()
         _ = self._sites
 
     @cached_property

@@ -260,17 +260,21 @@ def curved_one(i, x, P, j, c, R, eta, radar):
 
 
 @kernel
-def iterate_one(i, x, P, w, seen, radar, work, nn):
+def iterate_one(i, x, P, w, q, seen, radar, work, nn):
     """Posterior linearisation of the prediction x[i], ``work.prior``; it starts from the estimate ``work.at``, P[i].
 
     The iteration ends when the estimate moves by less than CONVERGED standard deviations, or after
     ``radar.iterations``. The first of these gave the estimate at the start. Error variances are also means over the
-    estimate's spread, with the effective share of eta at the prediction.
+    estimate's spread. The effective SNR is taken at the estimate; from there it is proportional to eta.
     """
     h, H, share, mean_rate, z, R, y, d, v, at, prior, A, points, Z, _ = work
     for _ in range(1, radar.iterations):
         sigma_points_one(0, at, P[i : i + 1], A, points, nn)
         R[:] = 0.0
+        for j in range(len(seen)):
+            geometric = look_one(0, at, j, radar, h, H)
+            eta, mean_rate[j] = heard_one(geometric, j, w, q, H, radar)
+            share[j] = effective_snr(eta, 0, radar.law) / geometric
         for p in range(len(points)):
             for j in range(len(seen)):
                 weakness = 1.0 / (look_one(p, points, j, radar, Z[p], H) * share[j] * len(points))
@@ -297,7 +301,6 @@ def update_one(i, x, P, w, q, z, seen, radar, work, nn):
         geometric = look_one(i, x, j, radar, work.h, work.H)
         eta, mean_rate = heard_one(geometric, j, w, q, work.H, radar)
         eta = effective_snr(eta, 0, radar.law)
-        work.share[j], work.mean_rate[j] = eta / geometric, mean_rate
         work.R[first] = radar.accuracy[w, 0] / eta if seen[j] else np.inf
         work.R[second] = radar.accuracy[w, 1] / eta + mean_rate if seen[j] else np.inf
         work.z[first], work.z[second] = z[first], z[second] - c * z[first]
@@ -311,7 +314,7 @@ def update_one(i, x, P, w, q, z, seen, radar, work, nn):
     for a in range(len(nn)):
         work.at[0, a] = x[i, a] + work.d[a]
     if curved:
-        iterate_one(i, x, P, w, seen, radar, work, nn)
+        iterate_one(i, x, P, w, q, seen, radar, work, nn)
     for a in range(len(nn)):
         x[i, a] = work.at[0, a]
 
