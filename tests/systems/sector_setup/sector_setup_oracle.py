@@ -135,11 +135,15 @@ def received(system, eta, world, k, target, receiver):
     def exponential(i):
         return -np.log(counter_rng_kernels.uniform(key, i))
 
-    energy = {
-        "swerling0": lambda: 1.0,
-        "swerling1": lambda: exponential(0),
-        "swerling3": lambda: (exponential(0) + exponential(1)) / 2,
-    }[system.fluctuation]() * eta / 2
+    energy = (
+        {
+            "swerling0": lambda: 1.0,
+            "swerling1": lambda: exponential(0),
+            "swerling3": lambda: (exponential(0) + exponential(1)) / 2,
+        }[system.fluctuation]()
+        * eta
+        / 2
+    )
     noise = np.sqrt(exponential(2)) * np.exp(2j * np.pi * counter_rng_kernels.uniform(key, 3))
     output = abs(np.sqrt(energy) + noise) ** 2 + exponential(5)
     return max(2 * energy, 1.0) if output > -np.log(system.false_alarm) else 0.0

@@ -133,7 +133,10 @@ def test_the_default_trains():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"waveforms": ((2, 1e-3, 15e-6, 1e6),)}, r"range-rate of 2 x .* folds at 24.98.*nearest: interval 0.000832757"),
+        (
+            {"waveforms": ((2, 1e-3, 15e-6, 1e6),)},
+            r"range-rate of 2 x .* folds at 24.98.*interval 0.000832757",
+        ),
         ({"waveforms": ((2, 20e-6, 1e-6, 1e6),)}, r"range of 2 x .* folds at 2997.9.*nearest: interval 3.9"),
         ({"waveforms": ((5000, 250e-6, 1e-6, 1e6),)}, r"takes 1.249.* expected at most the step, 1.0 s"),
     ],

@@ -64,7 +64,9 @@ def test_nees_over_all_steps(name, policy):
         return
     assert np.abs(means - 4).max() < 4 * error
     assert abs(means.mean() - 4) < 3 * error
-    assert np.mean(np.array(nees) > 18.47) < 0.006  # chi-square: 0.001; the errors of fluctuating echoes have wide tails
+    assert (
+        np.mean(np.array(nees) > 18.47) < 0.006
+    )  # chi-square: 0.001; the errors of fluctuating echoes have wide tails
     spread = (square / square.mean() - trace / trace.mean()).std() / np.sqrt(WORLDS)
     assert abs(square.mean() / trace.mean() - 1) < 4 * spread
 
@@ -136,5 +138,5 @@ def test_an_update_has_the_moments_of_the_posterior(name, spread, speed, seen):
         exact, S = posterior(system, x, prior, z[e], 0, seen, estimate, rng)
         d = estimate[0] - exact
         expected.append(np.trace(np.linalg.solve(estimate[1], S + np.outer(d, d))))
-    assert abs(np.mean(expected) - 4) < 0.3
+    assert abs(np.mean(expected) - 4) < 0.5
     assert max(expected) < 6.0
