@@ -110,9 +110,9 @@ def measure_all(system, points):
 def test_an_update_has_the_moments_of_the_posterior(name, spread, speed, seen):
     """A prior many times as wide as a measurement is fine, in 8 cases.
 
-    The NEES that the exact posterior expects of the estimate, tr(P^-1 (S + d d')), is 4 for its own moments. It is 4.0
-    for two receivers; one leaves a crescent, for which the study of its cases found 2.5 to 5.1. An extended Kalman
-    filter has 20 to 600 on average.
+    The NEES that the exact posterior expects of the estimate, tr(P^-1 (S + d d')), is 4 for its own moments. In 40
+    cases in the city it is 4.33 +- 0.09 for two receivers, and 3.9 for one, which leaves a crescent (single cases: 2.5
+    to 5.6). An extended Kalman filter has 20 to 600 on average.
     """
     system, seen, count = SYSTEMS[name], np.array(seen), 8
     rng, worlds = np.random.default_rng(7), oracles.worlds(system, count, seed=9)

@@ -24,7 +24,8 @@ THREE = SectorSetup(
 TURNING = replace(SYSTEM, turn_rate=0.05)
 MISTAKEN = replace(THREE, truth={
     "q": (1.0, 30.0), "turn_rate": -0.1, "prior_variance": (4e4, 100.0, 4e4, 100.0), "reference_range": 4e3,
-    "false_alarm": 1e-4, "nearest_range": 1500.0, "fluctuation": "swerling1", "reference_snr": 40.0, "windows": ((0, 2, 5),),
+    "false_alarm": 1e-4, "nearest_range": 1500.0, "fluctuation": "swerling1", "reference_snr": 40.0,
+    "windows": ((0, 2, 5),),
 })  # fmt: skip
 LOOPS = pytest.mark.parametrize("system", [SYSTEM, THREE, TURNING, MISTAKEN], ids=["default", "three", "turn", "truth"])
 
