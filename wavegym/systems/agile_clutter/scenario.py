@@ -27,7 +27,7 @@ from wavegym.sensors import (
     range_and_rate_jacobian,
     range_law_snr,
 )
-from wavegym.sensors.trains import LOWEST_THRESHOLD
+from wavegym.sensors.trains import LOWEST
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
 from wavegym.systems.agile_clutter.actions import ChirpActions
@@ -207,11 +207,11 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         if self.snr_law == "printed" and self.fluctuation != "swerling1":
             raise InputError(f"fluctuation is {self.fluctuation!r} with snr_law='printed', expected 'swerling1'")
         if self.alarm_density:
-            greatest = float(false_return_density(self.action_set.sensor_covariances, LOWEST_THRESHOLD).min())
+            greatest = float(false_return_density(self.action_set.sensor_covariances, LOWEST).min())
             if self.alarm_density > greatest:
                 wanted = f"at most {greatest:.6g}: beyond it the noise peaks of the coarsest waveform merge"
                 raise InputError(f"alarm_density is {self.alarm_density:g} s/m^2, expected {wanted}")
-        most = float(f"{math.exp(-LOWEST_THRESHOLD):.3g}")
+        most = float(f"{math.exp(-LOWEST):.3g}")
         for alarm in () if self.snr_law == "printed" else self.false_alarms or (self.false_alarm,):
             if alarm > most:
                 wanted = f"at most {most:g} (nearest): below that threshold the peaks of noise merge"
