@@ -342,7 +342,6 @@ GOOD: dict[str, dict[str, Argument]] = {
         "farthest": non_negative(10.0),
     },
     "check_range_folds": {"timings": given_as({"a": TIMING}), "farthest": non_negative(10.0)},
-    "check_velocity_folds": {"timings": given_as({"a": TIMING}), "fastest": non_negative(1.0)},
     "check_dwells": {"dwells": non_negative(np.ones(2)), "step": positive(3.0), "switching": non_negative(0.1)},
     "ambiguity": {"waveform": given_as(CHIRP), "delays": finite(np.zeros(2)), "dopplers": finite(np.zeros(2))},
     "zero_delay_cut": {"waveform": given_as(CHIRP), "dopplers": finite(np.zeros(2))},

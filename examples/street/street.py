@@ -199,9 +199,9 @@ class Street(Urban):
         shown = (lit[:, None] == 2) | (lit[:, None] == street)
         measure(
             world.key, belief.step + 1, truth.targets, truth.route, shown, self.scene, self._sensor_law, wave[share],
-            snr[share], found.z, found.number,
+            snr[share], *found,
         )  # fmt: skip
-        return found._replace(R=self.urban_tracker.direct_errors(found.z, found.number, *self._of_pairs(share)))
+        return found
 
     def _of_pairs(self, share: Any) -> tuple[Any, Any]:
         """Covariance and SNR of every pair; silence has those of a train, which no measurement uses."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavegym.core.counter_rng_kernels import normal, stream, uniform
+from wavegym.core.counter_rng_kernels import normal, stream
 from wavegym.core.kernels import kernel
-from wavegym.sensors.detection_kernels import snr_of_errors, tabulated
+from wavegym.sensors.detection_kernels import detection_of, received_snr
 from wavegym.sensors.geometry_kernels import (
     direction_cosine,
     direction_variance,
@@ -15,7 +15,7 @@ from wavegym.sensors.geometry_kernels import (
     noise,
     snr_at,
 )
-from wavegym.systems.urban.kernels import DRIVERS, measure_clutter
+from wavegym.systems.urban.kernels import DRIVERS, ERRORS, measure_clutter, report_one
 from wavegym.systems.urban.tracker_kernels import (
     EMPTY,
     HIDDEN,
@@ -54,8 +54,8 @@ def move(keys, scans, before, places, route, F, g, sigma, after):
 
 
 @kernel
-def measure(keys, scans, targets, route, lit, scene, law, wave, snr, z, count):
-    """Fill z (env, pair, most, 3) and count (env, pair): detections of vehicles in lit streets, and clutter.
+def measure(keys, scans, targets, route, lit, scene, law, wave, snr, z, R, count):
+    """Fill z, R (env, pair, most, ...), count (env, pair): detections of vehicles in lit streets, and clutter.
 
     lit (env, vehicle) bool; snr (env,): 0 where nothing is sent; wave (env, 2, 2). As
     ``wavegym.systems.urban.kernels.measure_targets``.
@@ -71,18 +71,18 @@ def measure(keys, scans, targets, route, lit, scene, law, wave, snr, z, count):
                     r, rate = multistatic_range_and_rate(x, y, u, v, tx, ty, sx, sy)
                     own = stream(key, t * most + w)
                     eta = snr_at(r, snr[e], scene.reflected[m, scans[e], route[e, t], w])
-                    draw, pd = uniform(own, 0), tabulated(eta, law.log_false_alarm, law.detection_table)
-                    if draw < pd and r < law.reach:
-                        eta = snr_of_errors(eta, draw / pd, law.snr_table)
+                    eta, errors = received_snr(eta, 0, own, law.echo), stream(own, ERRORS)
+                    if eta > 0.0 and r < law.reach:
                         R00, R01, R11 = noise(wave[e], eta, law.rate_floor)
-                        a, n0, n1 = np.sqrt(R00), normal(own, 1), normal(own, 2)
+                        a, n0, n1 = np.sqrt(R00), normal(errors, 0), normal(errors, 1)
                         b = R01 / a
-                        off = np.sqrt(direction_variance(eta, law.elements)) * normal(own, 3)
+                        off = np.sqrt(direction_variance(eta, law.elements)) * normal(errors, 2)
                         z[e, m, found, 0] = r + a * n0
                         z[e, m, found, 1] = folded(rate + b * n0 + np.sqrt(R11 - b * b) * n1, law.limit)
                         z[e, m, found, 2] = folded(direction_cosine(x, y, sx, sy, ax, ay) + off, 1.0)
+                        report_one(wave[e], eta, law, R[e, m, found])
                         found += 1
-            count[e, m] = measure_clutter(key, law, z[e, m], found)
+            count[e, m] = measure_clutter(key, law, wave[e], z[e, m], R[e, m], found)
 
 
 @kernel
@@ -124,7 +124,7 @@ def foresee(x, P, mu, existence, status, age, constants, wave, snr, draws, nn, m
                 if tracks.status[t] == EMPTY:
                     continue
                 share = share_lit(t, tracks.x, tracks.P, tracks.mu, pair, constants, len(mm))
-                chance = tabulated(predicted.eta[t], constants.log_false_alarm, constants.detection_table)
+                chance = detection_of(predicted.eta[t], 0, constants.echo)
                 pd = constants.gate_probability * (share * chance + (1.0 - share) * HIDDEN)
                 if draws.shape[1] > 0:
                     r = tracks.existence[t]
