@@ -359,7 +359,7 @@ MISTAKEN: list[Any] = [  # what the world differs in, and when it shows
     ("RfEo", DRAWN, {"prior_variance": (9e4, 25.0, 9e4, 25.0)}, 1),
     *((name, QUIET, {"turn_rate": 0.05}, 20) for name in IN_CLUTTER),
     *((name, QUIET, {key: Times(factor)}, steps) for name in IN_CLUTTER
-      for key, factor, steps in (("q", 4.0, 20), ("prior_variance", 9.0, 2), ("reference_range", 0.6, 20))),
+      for key, factor, steps in (("q", 4.0, 20), ("prior_variance", 9.0, 2), ("reference_range", 0.45, 20))),
     *(pytest.param(name, {}, truth, steps, marks=mark)
       for name, mark in (("SectorSetup", ()), ("SectorSetupCity", pytest.mark.slow))
       for truth, steps in (
