@@ -124,11 +124,16 @@ def expected_echo_of(e, i, r, pulse, radar):
 
 
 @inlined
+def false_density(C00, C01, C11, alarm, radar):
+    """Density of a pulse's false returns: clutter, and peaks of noise, whose number in a resolution cell is fixed."""
+    return radar.clutter + radar.noise[alarm] / np.sqrt(C00 * C11 - C01 * C01)
+
+
+@inlined
 def density_of(e, i, pulse, radar):
-    """Density of false returns of sensor i's pulse: clutter, and peaks of noise, whose number in a cell is fixed."""
+    """``false_density`` of sensor i's pulse."""
     C, own = pulse.C, row(e, pulse.C)
-    cell = np.sqrt(C[own, i, 0, 0] * C[own, i, 1, 1] - C[own, i, 1, 0] * C[own, i, 1, 0])
-    return radar.clutter + radar.noise[alarm_of(e, i, pulse)] / cell
+    return false_density(C[own, i, 0, 0], C[own, i, 1, 0], C[own, i, 1, 1], alarm_of(e, i, pulse), radar)
 
 
 @kernel

@@ -15,6 +15,7 @@ from wavegym.systems.agile_clutter.kernels import (
     density_of,
     expected_echo,
     expected_echo_of,
+    false_density,
     is_lit,
     is_present,
     predict_targets,
@@ -138,7 +139,7 @@ def sensor_costs(i, x, P, present, C, windows, alarm, weights, radar, q2, cost, 
                     cost[e, c] += before
                     continue
                 s0, s1, s2 = S[t, 0, 0] + R00, S[t, 0, 1] + R01, S[t, 1, 1] + R11
-                density = radar.clutter + radar.noise[alarm[c]] / np.sqrt(C00 * C11 - C01 * C01)
+                density = false_density(C00, C01, C11, alarm[c], radar)
                 gained = (g00 * s2 - 2.0 * g01 * s1 + g11 * s0) / (s0 * s2 - s1 * s1)
                 cost[e, c] += before - reduction(pd, (s0, s1, s2), density, q2) * gained
 

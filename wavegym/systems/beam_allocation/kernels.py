@@ -14,7 +14,7 @@ import numpy as np
 from wavegym.core.array_kernels import copy_matrices, copy_matrix, copy_vector
 from wavegym.core.kernels import kernel
 from wavegym.sensors.detection_kernels import inverse_snr
-from wavegym.systems.agile_clutter.kernels import expected_echo, predict_targets
+from wavegym.systems.agile_clutter.kernels import expected_echo, false_density, predict_targets
 from wavegym.systems.agile_clutter.prediction_kernels import reduction
 from wavegym.trackers.jpda_kernels import gain_one, shrink_one
 from wavegym.trackers.ukf_kernels import predict_measurement_one
@@ -42,7 +42,7 @@ def predict_chirps(i, code, place, x, P, chirps, windows, radar, q2, work, nn):
         if pd == 0.0:
             continue
         s0, s1, s2 = spread[0] + R00, spread[1] + R01, spread[2] + R11
-        density = radar.clutter + radar.noise[0] / np.sqrt(C00 * C11 - C01 * C01)
+        density = false_density(C00, C01, C11, 0, radar)
         S[0, 0, 0], S[0, 0, 1], S[0, 1, 0], S[0, 1, 1] = s0, s1, s1, s2
         share = reduction(pd, (s0, s1, s2), density, q2)
         gain_one(0, G, S, K, nn)
