@@ -237,6 +237,7 @@ GOOD: dict[str, dict[str, Argument]] = {
         "false_alarm": Argument("open probability", 0.01), "fluctuation": given_as("swerling3"),
         "pulses": Argument("count", 2),
     },
+    "assumed_echo": {"snr": positive(np.ones(3)), "law": given_as(sensors.echo_law((0.01,)))},
     "echo_law": {"false_alarms": Argument("open probability", np.full(2, 0.01)), "fluctuation": given_as("swerling3")},
     "unit_snr_range": {
         "energy": positive(np.ones(3)), "gain_db": finite(30.0), "wavelength": positive(0.03),
@@ -342,6 +343,7 @@ GOOD: dict[str, dict[str, Argument]] = {
         "farthest": non_negative(10.0),
     },
     "check_range_folds": {"timings": given_as({"a": TIMING}), "farthest": non_negative(10.0)},
+    "check_velocity_folds": {"timings": given_as({"a": TIMING}), "fastest": non_negative(1.0)},
     "check_dwells": {"dwells": non_negative(np.ones(2)), "step": positive(3.0), "switching": non_negative(0.1)},
     "ambiguity": {"waveform": given_as(CHIRP), "delays": finite(np.zeros(2)), "dopplers": finite(np.zeros(2))},
     "zero_delay_cut": {"waveform": given_as(CHIRP), "dopplers": finite(np.zeros(2))},
@@ -371,6 +373,7 @@ ANY_LENGTH = {  # arguments that fit after the loss of an element
     ("detection_probability", "snr"),
     ("mean_inverse_detected_snr", "snr"),
     ("echo_law", "false_alarms"),
+    ("assumed_echo", "snr"),
     ("unit_snr_range", "energy"),
     ("energy_detection_probability", "energy_ratio"),
     ("fov_penalty", "x"),

@@ -17,6 +17,7 @@ from wavegym.core.errors import InputError
 from wavegym.core.kernels import kernel
 from wavegym.sensors import (
     FLUCTUATIONS,
+    assumed_echo,
     detected_snr,
     detection_probability,
     echo_law,
@@ -281,6 +282,15 @@ def test_tables_for_compiled_loops(name, searched, false_alarm):
     np.testing.assert_allclose(found[0], detection_probability(snr, false_alarm, name, searched=searched), atol=5e-5)
     wanted = 1.0 / mean_inverse_detected_snr(snr, false_alarm, name, searched=searched, least=1.0)
     np.testing.assert_allclose(found[1], wanted, rtol=1e-4)
+
+
+@pytest.mark.parametrize("realised", [True, False])
+def test_assumptions_in_numpy_are_those_of_compiled_loops(realised):
+    law, snr = echo_law((1e-3,), "swerling3", 2, realised=realised), np.geomspace(1e-4, 1e8, 60).reshape(2, 30)
+    found = assumed_echo(snr, law)
+    wanted = np.array([[(detection_of(e, 0, law), effective_snr(e, 0, law)) for e in row] for row in snr])
+    np.testing.assert_allclose(found.detection, wanted[..., 0], rtol=1e-6)
+    np.testing.assert_allclose(found.effective, wanted[..., 1], rtol=1e-9)
 
 
 def test_beyond_the_tables():

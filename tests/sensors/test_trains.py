@@ -98,7 +98,9 @@ def noise_peaks(pulse: Waveform, count: int, interval: float, seed: int) -> tupl
     [
         (GaussianChirp(duration=1e-6), 1 << 5),
         (GaussianChirp(duration=5e-6, chirp_rate=2e11), 1 << 4),
+        (GaussianChirp(duration=2e-6, chirp_rate=5e11, direction="down"), 8),
         (TrapezoidChirp(kind="lfm", duration=10e-6, sweep=4e6), 1 << 4),
+        (TrapezoidChirp(kind="hfm", duration=10e-6, sweep=4e6), 64),
     ],
 )
 def test_noise_has_the_expected_peaks(pulse, count) -> None:
@@ -145,16 +147,6 @@ class Simulation:
         return power, late, -0.5 * (velocity[n // 2 - 1] + velocity[n // 2]) / self.bin, strongest
 
 
-def detected(energy: float, q: float, sigma: float, threshold: float, worlds: int) -> float:
-    """Share of simulated trains with a peak above the threshold within three cells of the echo."""
-    simulation, found = Simulation(energy, q, sigma), 0
-    for _ in range(worlds):
-        power, _, _, strongest = simulation.look()
-        near = (np.arange(-24, 25) + strongest) % power.shape[1]
-        found += power[30:35, near].max() > threshold
-    return found / worlds
-
-
 def climbed(power: np.ndarray, i: int, j: int) -> tuple[float, float, float]:
     """The local maximum that is reached from a cell, and its place by parabolas; Doppler (axis 1) is periodic."""
     while True:
@@ -169,49 +161,37 @@ def climbed(power: np.ndarray, i: int, j: int) -> tuple[float, float, float]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("energy", "q", "sigma"),
-    [(20.0, 0.0, 0.0), (60.0, 0.0, 0.0), (60.0, 3.0, 0.0), (60.0, 10.0, 0.0), (60.0, 0.0, 3.0)],
-)
-def test_a_detected_echo_has_the_errors_of_its_realised_snr(energy, q, sigma) -> None:
-    """The peak that belongs to the echo lies within the main lobe. There the errors are those of the law, to a tenth.
+@pytest.mark.parametrize("energy", [12.0, 60.0, 200.0])
+@pytest.mark.parametrize(("q", "sigma"), [(0.0, 0.0), (3.0, 0.0), (10.0, 0.0), (0.0, 3.0), (3.0, 5.0)])
+def test_a_train_is_detected_and_measures_as_the_law_says(energy, q, sigma) -> None:
+    """Pd to 0.015: a peak within three cells of the echo. Errors to a tenth: of the peak in the echo's main lobe.
 
-    Farther peaks are those of the noise, which ``false_return_density`` counts.
+    Farther peaks are those of the noise, which ``false_return_density`` counts. The loss is a mean over targets. An
+    echo that loses more than 2 dB has several filters in which it may be found: Pd to 0.03.
     """
-    threshold, worlds, simulation = 8.0, 4000, Simulation(energy, q, sigma)
+    threshold, worlds, simulation = 9.0, 3000, Simulation(energy, q, sigma)
     unit = simulation.C.measurement_covariance(CARRIER)
-    metres = SPEED_OF_LIGHT / 2.0 / simulation.rate
-    errors = []
+    metres, middle = SPEED_OF_LIGHT / 2.0 / simulation.rate, simulation.length // 2
+    errors, seen = [], 0
     for _ in range(worlds):
         power, late, rate, strongest = simulation.look()
-        peak, i, j = climbed(power, simulation.length // 2, strongest)
+        near = (np.arange(-24, 25) + strongest) % power.shape[1]
+        seen += power[middle - 2 : middle + 3, near].max() > threshold
+        peak, i, j = climbed(power, middle, strongest)
         bins = (j - rate + 0.5 * power.shape[1]) % power.shape[1] - 0.5 * power.shape[1]
-        error = np.array([(i - simulation.length // 2 - late) * metres, bins * simulation.bin])
+        error = np.array([(i - middle - late) * metres, bins * simulation.bin])
         lobe = np.array([abs(error[0]), abs(j - strongest) * simulation.bin]) < np.sqrt(np.diag(unit))
         if peak > threshold and lobe.all():
             errors.append(error)
     found = np.square(errors)
-    loss = motion_loss(simulation.seconds, WAVE, q, sigma)
-    law = (2.0 * energy * loss, math.exp(-threshold), "swerling1")
+    kept = motion_loss(simulation.seconds, WAVE, q, sigma)
+    law = 2.0 * energy * kept, math.exp(-threshold), "swerling1"
     expected = np.diag(unit) * mean_inverse_detected_snr(*law, searched=2, least=1.0)
     expected[1] += mean_rate_variance(simulation.seconds, q)
     spread = found.std(axis=0) / math.sqrt(len(found))
     assert (np.abs(found.mean(axis=0) - expected) < 3.5 * spread + 0.1 * expected).all()
-    assert abs(len(errors) / worlds - detection_probability(*law, searched=2)) < 0.03
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("energy", "q", "sigma"),
-    [(12.0, 0.0, 0.0), (60.0, 0.0, 0.0), (60.0, 10.0, 0.0), (60.0, 0.0, 10.0), (60.0, 3.0, 5.0)],
-)
-def test_the_echo_is_detected_as_often_as_the_law_says(energy, q, sigma) -> None:
-    """The loss is a mean over targets. Two quantities are searched, so noise beside the echo adds to its peak."""
-    threshold, worlds = 9.0, 3000
-    eta = 2.0 * energy * motion_loss(32 * 2e-3, WAVE, q, sigma)
-    expected = detection_probability(eta, math.exp(-threshold), "swerling1", searched=2)
-    error = math.sqrt(expected * (1.0 - expected) / worlds)
-    assert abs(detected(energy, q, sigma, threshold, worlds) - expected) < 3.5 * error + 0.015
+    pd = detection_probability(*law, searched=2)
+    assert abs(seen / worlds - pd) < 3.5 * math.sqrt(pd * (1.0 - pd) / worlds) + (0.015 if kept > 0.63 else 0.03)
 
 
 @given(

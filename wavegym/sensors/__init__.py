@@ -37,6 +37,7 @@ share is less, and so is its information (``docs/waveform_timing.md``):
 from wavegym.sensors.clutter import gate_probability, gate_volume, inside_gate, union_clutter
 from wavegym.sensors.detection import (
     FLUCTUATIONS,
+    assumed_echo,
     detected_snr,
     detection_probability,
     echo_law,
@@ -106,6 +107,7 @@ __all__ = [
     "View",
     "acceleration_loss",
     "agreeing_combinations",
+    "assumed_echo",
     "combined_interval",
     "detected_snr",
     "detection_probability",

@@ -30,6 +30,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,8 +50,9 @@ from wavegym.core.errors import (
 from wavegym.sensors import detection_kernels
 from wavegym.sensors.detection_kernels import CELL, FIRST, LAST, EchoLaw
 
-FLUCTUATIONS = ("swerling0", "swerling1", "swerling2", "swerling3", "swerling4")
+Fluctuation = Literal["swerling0", "swerling1", "swerling2", "swerling3", "swerling4"]
 """The names of the laws of fluctuation."""
+FLUCTUATIONS = get_args(Fluctuation)
 MOST_PULSES = 1000
 MOST_DECIBELS = 300.0
 STEPS = 50  # halvings of the interval in which a quantile lies
@@ -307,6 +309,29 @@ def _tables(false_alarms: tuple[float, ...], fluctuation: str, searched: int, en
         if not steady:  # its effective eta is eta, at least CELL
             effective[row] = -np.log(snr * mean_inverse_detected_snr(echo, alarms, *law, CELL))
     return EchoLaw(-np.log(false_alarms), detection, effective, energy, 0 if steady else int(shape), searched, realised)
+
+
+class AssumedEcho(NamedTuple):
+    """What a tracker assumes of echoes, each of the shape of their mean SNR."""
+
+    detection: Array  # Pd
+    effective: Array  # effective eta: C over it is the mean covariance of the errors of a detected echo
+
+
+def assumed_echo(snr: ArrayLike, law: EchoLaw) -> AssumedEcho:
+    """Pd and the effective eta of echoes at the first threshold of ``law``; ``echo_law`` gives the accuracy.
+
+    Args:
+        snr: mean eta, > 0, any shape.
+        law: see ``echo_law``.
+
+    Raises:
+        InputError: an SNR that is not > 0.
+    """
+    eta = check_elements(check_positive, "snr", snr)
+    steps, places = np.linspace(FIRST, LAST, TABLE), np.log(eta)
+    effective = np.maximum(eta * np.exp(np.interp(places, steps, law.effective[0])), CELL) if law.realised else eta
+    return AssumedEcho(np.interp(places, steps, law.detection[0]), effective)
 
 
 class _Look:

@@ -13,7 +13,7 @@ from stonesoup.types.state import State
 
 from wavegym.core.errors import InputError
 from wavegym.integrations.stonesoup import WaveformRadar, radars_of
-from wavegym.sensors import range_law_snr
+from wavegym.sensors import mean_inverse_detected_snr, range_law_snr
 from wavegym.systems.composed import PlanarRadar, Pulses
 from wavegym.systems.kershaw_evans import KershawEvans
 from wavegym.waveforms import gaussian_chirp_library
@@ -78,7 +78,8 @@ def test_range_and_rate_in_the_plane_are_seen_from_the_radar():
     r = np.hypot(dx, dy)
     np.testing.assert_allclose(np.ravel(model.function(state)), [r, (dx * xdot + dy * ydot) / r], rtol=1e-12)
     np.testing.assert_allclose(model.jacobian(state), Model.jacobian(model, state), rtol=1e-4, atol=1e-6)
-    assert radar.snr(state) == pytest.approx((40e3 / r) ** 4, rel=1e-12)
+    effective = 1.0 / mean_inverse_detected_snr((40e3 / r) ** 4, 0.01, least=1.0)
+    assert radar.snr(state) == pytest.approx(effective, rel=1e-4)
 
 
 def test_a_radar_that_moves_with_the_target_measures_no_range_rate():

@@ -20,7 +20,7 @@ from wavegym.core.action_sets import JointLibrary, Library, PerSensorLibrary
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
-from wavegym.sensors import detection_probability, energy_detection_probability, mean_inverse_detected_snr
+from wavegym.sensors import energy_detection_probability
 from wavegym.systems.agile_clutter import AgileClutter
 from wavegym.systems.agile_clutter.scenario import SEARCHED
 from wavegym.systems.composed import LineOfSightRadar, Loop, PlanarRadar, Pulses
@@ -66,30 +66,16 @@ def law_states(vectors: Any, mapping: Any, offset: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class ClutterRadar(PlanarRadar):
-    """The law of ``AgileClutter``, with errors of the mean covariance of detected echoes.
-
-    Args:
-        snr_law, fluctuation: the system's.
-    """
-
-    snr_law: str = "realised"
-    fluctuation: str = "swerling1"
+class PrintedRadar(PlanarRadar):
+    """The law of ``AgileClutter`` with ``snr_law="printed"``: one eta is E/N0 of detection and 2E/N0 of errors."""
 
     def covariance(self, states: Array, pulse: Array) -> Array:
-        """C over the effective eta."""
-        if self.snr_law == "printed":
-            return super().covariance(states, pulse)
-        law = float(self.false_alarm or 0.0), self.fluctuation
-        inverse = mean_inverse_detected_snr(self.snr(states), *law, searched=SEARCHED, least=1.0)
-        return pulse * inverse[..., None, None]
+        """C / eta."""
+        return pulse * (1.0 / self.snr(states))[..., None, None]
 
     def detection(self, states: Array, pulse: Array) -> Array:
         """Pd."""
-        alarm = float(self.false_alarm or 0.0)
-        if self.snr_law == "printed":
-            return energy_detection_probability(self.snr(states), alarm)
-        return detection_probability(self.snr(states), alarm, self.fluctuation, searched=SEARCHED)
+        return energy_detection_probability(self.snr(states), float(self.false_alarm or 0.0))
 
 
 class EclipsedChirpRadar(LineOfSightRadar):
@@ -276,6 +262,7 @@ def radars_of(system: System, *, seed: int | None = None, **placing: Any) -> tup
         InputError: another system, actions that are no index, or pulses of one's own that are eclipsed.
     """
     law: Any
+    kind: Any
     places: tuple[Any, ...] = (None,)
     if isinstance(system, KershawEvans) and isinstance(system.actions, Library):
         if system.eclipsing and system.library is not None:
@@ -293,7 +280,8 @@ def radars_of(system: System, *, seed: int | None = None, **placing: Any) -> tup
                 "system has several thresholds, expected one (nearest: false_alarms=(), alarm_density=None)"
             )
         ranges = (0.0, 0.0), system.reference_range, system.nearest_range
-        law = ClutterRadar(*ranges, system.false_alarm, system.snr_law, system.fluctuation)
+        kind = PrintedRadar if system.snr_law == "printed" else PlanarRadar
+        law = kind(*ranges, system.false_alarm, system.fluctuation, SEARCHED)
         pulses, n = Pulses(Library(system.action_set.sensor_library), system.carrier_hz), 4
         places = system.sensors
     else:

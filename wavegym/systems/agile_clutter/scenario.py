@@ -27,6 +27,7 @@ from wavegym.sensors import (
     range_and_rate_jacobian,
     range_law_snr,
 )
+from wavegym.sensors.detection import Fluctuation
 from wavegym.sensors.trains import LOWEST
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
@@ -100,7 +101,7 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         "Pd = Pf^(1 / (1 + eta)), errors at the mean SNR, and no false returns of noise",
         unit="",
     )
-    fluctuation: Literal["swerling0", "swerling1", "swerling2", "swerling3", "swerling4"] = parameter(
+    fluctuation: Fluctuation = parameter(
         "swerling1",
         "fluctuation of echoes from step to step; a pulse or coherent train is one look, so swerling2 equals swerling1 "
         "and swerling4 equals swerling3",

@@ -16,8 +16,23 @@ import numpy as np
 from wavegym.core.action_sets import ActionSet, Library
 from wavegym.core.arrays import Array
 from wavegym.core.covariances import trace_cost
-from wavegym.core.errors import InputError, check_ordered, check_positive, check_within
-from wavegym.sensors import detection_probability, range_and_rate, range_and_rate_jacobian, range_law_snr
+from wavegym.core.errors import (
+    InputError,
+    check_choice,
+    check_int,
+    check_ordered,
+    check_positive,
+    check_probability,
+)
+from wavegym.sensors import (
+    FLUCTUATIONS,
+    assumed_echo,
+    echo_law,
+    range_and_rate,
+    range_and_rate_jacobian,
+    range_law_snr,
+)
+from wavegym.sensors.detection_kernels import EchoLaw
 from wavegym.targets.motion import MotionModel
 from wavegym.trackers.protocol import Estimate
 from wavegym.waveforms import measurement_covariances
@@ -245,21 +260,28 @@ class LineOfSightRadar(Sensor):
 class PlanarRadar(Sensor):
     """A radar at a place in the plane that measures range and range-rate of states [x y xdot ydot].
 
+    The errors have the mean covariance of detected echoes, which fluctuate.
+
     Args:
         place: (x, y), m.
         reference_range, nearest_range: as in ``LineOfSightRadar``.
-        false_alarm: Pf; Pd = Pf^(1 / (1 + eta / 2)). None: every pulse detects.
+        false_alarm: Pf of a known cell. None: every pulse detects, at the mean SNR.
+        fluctuation, searched: of echoes, see ``wavegym.sensors.detection_probability``.
     """
 
     place: tuple[float, float] = (0.0, 0.0)
     reference_range: float = 50e3
     nearest_range: float = 100.0
     false_alarm: float | None = None
+    fluctuation: str = "swerling1"
+    searched: int = 0
     quantities = (RANGE, RANGE_RATE)
 
     def __post_init__(self) -> None:
+        check_choice("fluctuation", self.fluctuation, FLUCTUATIONS)
+        check_int("searched", self.searched, 0)
         if self.false_alarm is not None:
-            check_within("false_alarm", self.false_alarm, 1e-300, 1.0)
+            check_probability("false_alarm", self.false_alarm)
 
     def measure(self, states: Array) -> Array:
         """Range and range-rate."""
@@ -270,18 +292,25 @@ class PlanarRadar(Sensor):
         return range_and_rate_jacobian(states, self.place)
 
     def snr(self, states: Array) -> Array:
-        """Eta, (...)."""
+        """Mean eta, (...)."""
         return range_law_snr(self.measure(states)[..., 0], self.reference_range, self.nearest_range)
 
     def covariance(self, states: Array, pulse: Array) -> Array:
-        """C / eta."""
-        return pulse * (1.0 / self.snr(states))[..., None, None]
+        """C over the effective eta of a detected echo."""
+        eta = self.snr(states)
+        if self.false_alarm is None:
+            return pulse * (1.0 / eta)[..., None, None]
+        return pulse * (1.0 / assumed_echo(eta, self._law).effective)[..., None, None]
+
+    @cached_property
+    def _law(self) -> EchoLaw:
+        return echo_law((float(self.false_alarm or 0.0),), self.fluctuation, self.searched)
 
     def detection(self, states: Array, pulse: Array) -> Array:
         """Pd."""
         if self.false_alarm is None:
             return super().detection(states, pulse)
-        return detection_probability(self.snr(states), self.false_alarm)
+        return assumed_echo(self.snr(states), self._law).detection
 
 
 @dataclass(frozen=True)

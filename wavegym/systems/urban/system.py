@@ -30,7 +30,7 @@ from wavegym.sensors import (
     motion_loss,
     range_and_rate,
 )
-from wavegym.sensors.detection import echo_law
+from wavegym.sensors.detection import Fluctuation, echo_law
 from wavegym.sensors.receiver import ArrayReceiver
 from wavegym.sensors.urban_map import Point, UrbanMap
 from wavegym.systems.urban import kernels
@@ -187,7 +187,7 @@ class Urban(System, DecisionMakers, TimedPulses):
     false_alarm: Probability | None = parameter(
         None, "Pfa of a known cell; by default that at which noise has clutter_density peaks", truth=True
     )
-    fluctuation: Literal["swerling0", "swerling1", "swerling2", "swerling3", "swerling4"] = parameter(
+    fluctuation: Fluctuation = parameter(
         "swerling1",
         "fluctuation of echoes from scan to scan; a train is one coherent pulse, so swerling2 equals swerling1 and "
         "swerling4 equals swerling3",
