@@ -270,6 +270,26 @@ def check_range_folds(timings: Mapping[str, PulseTiming], farthest: float) -> No
             )
 
 
+def check_velocity_folds(timings: Mapping[str, PulseTiming], fastest: float) -> None:
+    """Check that no range-rate is beyond the unambiguous interval of any train, +-lambda PRF/4.
+
+    Args:
+        timings: of the pulses, by label.
+        fastest: greatest speed of a target, m/s.
+
+    Raises:
+        InputError: a value out of range; or the first train whose range-rate folds, where it does, and what fits.
+    """
+    check_non_negative("fastest", fastest, "m/s")
+    for label, timing in timings.items():
+        limit = 0.5 * timing.unambiguous_velocity
+        if limit < fastest:
+            raise InputError(
+                f"range-rate of {label} folds at {limit:.6g} m/s, expected at least the speed of the fastest target, "
+                f"{fastest:.6g} m/s (nearest: interval {0.25 * timing.wavelength / fastest:.6g})"
+            )
+
+
 def time_left(dwells: ArrayLike, step: ArrayLike, switching: ArrayLike = 0.0) -> FloatArray:
     """What dwells leave of a step's time, s, (...): step - sum over (dwell + switching). Negative: they do not fit.
 

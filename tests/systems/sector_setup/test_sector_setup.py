@@ -5,12 +5,19 @@ from __future__ import annotations
 import numpy as np
 import oracles
 import pytest
+import sector_setup_oracle as plain
 from scipy.stats import kstest
 
 import wavegym  # noqa: F401
 from wavegym.core import shortcuts
+from wavegym.core.errors import InputError
+from wavegym.core.parameters import make_checked
 from wavegym.core.system import State
+from wavegym.sensors import detection_probability
+from wavegym.sensors.trains import DECAY, mean_rate_variance, motion_loss
+from wavegym.systems.sector_setup.state import Measurements
 from wavegym.systems.sector_setup.system import SectorSetup
+from wavegym.waveforms import measurement_covariances
 
 SYSTEM = SectorSetup()
 
@@ -55,7 +62,7 @@ def test_dead_steps_and_windows_hold_in_every_random_step(dead_steps):
 
 
 def test_detections_are_as_frequent_as_the_signal_says():
-    """Pd is about 0.85 at 4 km; counts agree with Pd at the true eta within five standard errors."""
+    """Counts agree with Pd at the mean eta of the true place within five standard errors."""
     worlds, seen, expected = oracles.worlds(SYSTEM, 300), 0, []
     state = SYSTEM.initial(worlds)
     belief = state.belief._replace(pointed=np.zeros(300, np.int64))
@@ -66,10 +73,77 @@ def test_detections_are_as_frequent_as_the_signal_says():
         place = state.truth.targets[:, 0, ::2]
         legs = [np.linalg.norm(place - site, axis=1) for site in (SYSTEM.illuminator, *SYSTEM.receivers)]
         eta = [20.0 * 5650.0**4 / (legs[0] * leg) ** 2 for leg in legs[1:]]
-        expected += [1e-3 ** (1 / (1 + each / 2)) for each in eta]
+        expected += [detection_probability(each, SYSTEM.false_alarm, searched=2) for each in eta]
     pd = np.concatenate(expected)
     assert abs(seen - pd.sum()) < 5 * np.sqrt((pd * (1 - pd)).sum())
-    assert abs(1e-3 ** (1 / (1 + 10 * (5650 / 4000) ** 4)) - 0.845) < 0.001
+
+
+@pytest.mark.parametrize("fluctuation", ["swerling0", "swerling1", "swerling3"])
+@pytest.mark.parametrize("waveform", [0, 1])
+def test_errors_of_detected_echoes_have_the_covariance_that_the_tracker_assumes(waveform, fluctuation):
+    """20 000 looks at one place: within five standard errors, by the scatter of the squares, and Pd.
+
+    The normalised squared errors of receivers with Swerling-1 echoes are heavy-tailed, not chi-square.
+    """
+    count = 20_000
+    system = SectorSetup(horizon=1, targets=1, q=(1.0, 1.0), fluctuation=fluctuation, region=((500.0,) * 2, (4e3,) * 2))
+    rng, one = np.random.default_rng(3), system.initial(oracles.worlds(system, 1))
+    truth = oracles.rows(one.truth, np.zeros(count, int))
+    truth = truth._replace(visible=np.ones_like(truth.visible))
+    belief = oracles.rows(one.belief, np.zeros(count, int))._replace(pointed=np.zeros(count, np.int64))
+    worlds = oracles.rows(oracles.worlds(system, 1), np.zeros(count, int))._replace(
+        key=rng.integers(2**64, size=count, dtype=np.uint64), error=rng.standard_normal((count, 1, 2, 1, 2))
+    )
+    got = system.measure(truth, belief, np.full(count, waveform), worlds)
+    R, pd = plain.noise(system, truth.targets[0, 0], waveform, 1.0)
+    for j in range(2):
+        errors = (got.z[:, j] - plain.measure(system, truth.targets[0, 0])[0][j])[got.detected[:, j]]
+        assert abs(len(errors) / count - pd[j]) < 5 * np.sqrt(pd[j] * (1 - pd[j]) / count)
+        for a, b in ((0, 0), (0, 1), (1, 1)):
+            products = errors[:, a] * errors[:, b]
+            assert abs(products.mean() - R[j, a, b]) < 5 * products.std() / np.sqrt(len(errors))
+        squares = (errors * np.linalg.solve(R[j], errors.T).T).sum(axis=1)
+        assert abs(squares.mean() - 2) < 5 * squares.std() / np.sqrt(len(errors))
+
+
+def test_scans_have_the_covariance_of_the_train():
+    """A tracker of one's own gets C over the effective eta, with the variance of the mean range-rate."""
+    state = SYSTEM.initial(oracles.worlds(SYSTEM, 8))
+    belief, action = state.belief._replace(pointed=np.ones(8, np.int64)), np.array([2, 3] * 4)
+    measurements = Measurements(np.zeros((8, 2, 2)), np.ones((8, 2), np.bool_), np.zeros(8, np.bool_))
+    scans = SYSTEM._scans(belief, belief, action, measurements)
+    for e, a in enumerate(action):
+        R, _ = plain.noise(SYSTEM, SYSTEM.motion.F @ belief.mean[e, 1], a % 2, belief.q[e, 1])
+        np.testing.assert_allclose([scan.R[e, 0] for scan in scans], R, rtol=2e-4)
+
+
+def test_the_default_trains():
+    """Equal energies; deviations at an eta of 20 of about 12 m and 14 m/s, and 60 m and 1 m/s; motion takes little."""
+    C, timings = measurement_covariances(SYSTEM.library, SYSTEM.carrier_hz), list(SYSTEM.timings.values())
+    np.testing.assert_allclose(np.sqrt(np.diagonal(C, axis1=1, axis2=2) / 20), [[12, 14.2], [59, 1.03]], rtol=0.02)
+    np.testing.assert_allclose(SYSTEM._radar.energy, 1.0)
+    for timing in timings:
+        assert motion_loss(timing.time_on_target(0.0), timing.wavelength, SYSTEM.q[1]) > 0.99
+    loss, mean_rate = SYSTEM._radar.blur, SYSTEM._radar.restless
+    seconds = np.array([timing.time_on_target(0.0) for timing in timings])
+    np.testing.assert_allclose((1 + 5.0 * loss) ** -DECAY, motion_loss(seconds, timings[0].wavelength, 5.0))
+    np.testing.assert_allclose(5.0 * mean_rate, mean_rate_variance(seconds, 5.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"waveforms": ((2, 1e-3, 15e-6, 1e6),)},
+            r"range-rate of 2 x .* folds at 24.98.*interval 0.000832757",
+        ),
+        ({"waveforms": ((2, 20e-6, 1e-6, 1e6),)}, r"range of 2 x .* folds at 2997.9.*nearest: interval 3.9"),
+        ({"waveforms": ((5000, 250e-6, 1e-6, 1e6),)}, r"takes 1.249.* expected at most the step, 1.0 s"),
+    ],
+)
+def test_trains_that_do_not_fit_are_refused(change, message):
+    with pytest.raises(InputError, match=message):
+        make_checked(SectorSetup, {**change, "speed": (5.0, 30.0)})
 
 
 def test_starts():

@@ -167,7 +167,7 @@ def test_a_look_that_finds_nothing_has_the_moments_of_the_hidden_places():
     for e in range(count):
         x, P = before.mean[e, 0], before.covariance[e, 0]
         states, clear = many_places(SYSTEM, x, P)
-        found = 1 - np.prod(1 - plain.detection(SYSTEM, plain.measure(SYSTEM, x)[1]))
+        found = 1 - np.prod(1 - plain.noise(SYSTEM, x, 0, belief.q[e, 0])[1])
         weight = 1 - found * clear
         weight /= weight.sum()
         mean = weight @ states
@@ -230,8 +230,8 @@ def test_the_expected_outcome_is_the_mean_of_drawn_ones(last):
         traces = np.trace(drawn.covariance[:, 0], axis1=1, axis2=2)
         assert abs(traces.mean() - np.trace(want.covariance[0, 0])) < 5 * traces.std() / 100 + 1e-9
         coasted = SYSTEM.predict(one, zero[:1] + 2).mean[0, 0]
-        eta = plain.measure(SYSTEM, coasted)[1]
-        share = SYSTEM.visible_ahead(one, 1)[0, 0, 0] * (1 - np.prod(1 - plain.detection(SYSTEM, eta)))
+        pd = plain.noise(SYSTEM, coasted, 0, one.q[0, 0])[1]
+        share = SYSTEM.visible_ahead(one, 1)[0, 0, 0] * (1 - np.prod(1 - pd))
         assert abs((drawn.looked == 1).mean() - share) < 5 * np.sqrt(share * (1 - share) / 10_000) + 1e-9
 
 

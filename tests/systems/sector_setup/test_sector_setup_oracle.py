@@ -16,14 +16,16 @@ from wavegym.systems.sector_setup.system import SectorSetup
 
 SYSTEM = SectorSetup()
 THREE = SectorSetup(
-    horizon=25, targets=2, receivers=((-3e3, 0.0), (2e3, 7e3), (5e3, -1e3)), dead_steps=1, waveforms=((5.0, 3.0),),
+    horizon=25, targets=2, receivers=((-3e3, 0.0), (2e3, 7e3), (5e3, -1e3)), dead_steps=1, fluctuation="swerling3",
+    waveforms=((3, 200e-6, 12e-6, 3e6),),
     weights=(1.0, 0.0, 2.0, 5.0), windows=((0, 4, 9), (1, 0, 3)), dt=0.5,
 )  # fmt: skip
 
 TURNING = replace(SYSTEM, turn_rate=0.05)
 MISTAKEN = replace(THREE, truth={
     "q": (1.0, 30.0), "turn_rate": -0.1, "prior_variance": (4e4, 100.0, 4e4, 100.0), "reference_range": 4e3,
-    "false_alarm": 1e-4, "nearest_range": 1500.0, "reference_snr": 40.0, "windows": ((0, 2, 5),),
+    "false_alarm": 1e-4, "nearest_range": 1500.0, "fluctuation": "swerling1", "reference_snr": 40.0,
+    "windows": ((0, 2, 5),),
 })  # fmt: skip
 LOOPS = pytest.mark.parametrize("system", [SYSTEM, THREE, TURNING, MISTAKEN], ids=["default", "three", "turn", "truth"])
 
@@ -55,7 +57,7 @@ def ready(system, belief, target, seen=True):
 @LOOPS
 @pytest.mark.slow
 def test_whole_episodes(system):
-    """Means to 1e-7 of a standard deviation, covariances to 1e-9."""
+    """Means to 5e-4 of a standard deviation, covariances to 5e-4: the effective SNR is interpolated, to 1e-4."""
     rng, worlds = np.random.default_rng(1), oracles.worlds(system, 4)
     states, detections = [system.initial(worlds)], 0
     for k, action in enumerate(held(system, rng, 4)):
@@ -68,8 +70,8 @@ def test_whole_episodes(system):
             assert truth.detections == want.detections
             np.testing.assert_allclose(truth.targets, want.truth, rtol=1e-12, atol=1e-9)
             sigma = np.sqrt(np.diagonal(want.covariance, axis1=1, axis2=2))
-            assert np.abs((after.mean - want.mean) / sigma).max() < 1e-7
-            assert oracles.covariance_distance(after.covariance, want.covariance) < 1e-9
+            assert np.abs((after.mean - want.mean) / sigma).max() < 5e-4
+            assert oracles.covariance_distance(after.covariance, want.covariance) < 5e-4
             detections += want.detections
         states.append(state)
     assert detections > 20
@@ -82,14 +84,18 @@ def test_measurements_are_those_of_the_truth():
     truth = MISTAKEN.move(state.truth, state.belief.step, worlds)
     got = MISTAKEN.measure(truth, state.belief, action, worlds)
     real, rows = MISTAKEN.truth_model, np.arange(40)
-    z, eta = (np.array(a) for a in zip(*(plain.measure(real, x) for x in truth.targets[rows, action]), strict=True))
     shown = truth.visible[rows, 3, action] & ~got.silent
-    np.testing.assert_array_equal(
-        got.detected, shown[:, None] & (worlds.detection[rows, 3, :, action] < plain.detection(real, eta))
-    )
-    noise = np.array([[plain.noise(real, 0, each) for each in row] for row in eta])
-    want = np.where(got.detected[..., None], z + np.sqrt(noise) * worlds.error[rows, 3, :, action], 0.0)
-    np.testing.assert_allclose(got.z, want, rtol=1e-12)
+    for e, t in enumerate(action):
+        world, x = oracles.rows(worlds, e), truth.targets[e, t]
+        eta, C, mean_rate = plain.look(real, x, 0, truth.q[e, t])
+        for j in range(3):
+            snr = plain.received(real, eta[j], world, 3, t, j) if shown[e] else 0.0
+            assert got.detected[e, j] == (snr > 0)
+            want = np.zeros(2)
+            if snr > 0:
+                spread = C / snr + np.diag([0.0, mean_rate[j]])
+                want = plain.measure(real, x)[0][j] + np.linalg.cholesky(spread) @ worlds.error[e, 3, j, t]
+            np.testing.assert_allclose(got.z[e, j], want, rtol=1e-9)
     assert (got.silent.sum(), got.detected.sum()) > (5, 5)
     noted = MISTAKEN.annotate(truth, got)
     np.testing.assert_array_equal(noted.detections, got.detected.sum(axis=1))
@@ -115,24 +121,22 @@ def test_belief_coasts_as_the_motion_model_says(turn_rate):
 
 @pytest.mark.parametrize("system", [SYSTEM, THREE], ids=["default", "three receivers"])
 def test_predicted_outcomes_are_what_happens(system):
-    """Draws of 0 and 1 select the receivers that detect, in the world and in prediction, at every step.
+    """Draws of 0 and 1 select in prediction the receivers that detect in the world, at every step.
 
     With a plain extended Kalman filter, whose covariance does not depend on what is measured.
     """
     system = replace(system, iterations=1)
     rng, worlds = np.random.default_rng(2), oracles.worlds(system, 30)
-    worlds = worlds._replace(detection=rng.integers(0, 2, worlds.detection.shape).astype(float))
-    state, rows, updates = system.initial(worlds), np.arange(30), 0
-    for k, action in enumerate(held(system, rng, 30)):
-        outcome = worlds.detection[rows, k, :, action // len(system.waveforms)]
-        after, predicted = (
-            system.transition(state, action, worlds).belief,
-            system.predict(state.belief, action, outcome),
-        )
-        assert oracles.covariance_distance(predicted.covariance, after.covariance) < 1e-12
+    state, updates = system.initial(worlds), 0
+    for action in held(system, rng, 30):
+        truth = system.move(state.truth, state.belief.step, worlds)
+        found = system.measure(truth, state.belief, action, worlds).detected
+        after = system.transition(state, action, worlds)
+        predicted, after_belief = system.predict(state.belief, action, 1.0 - found), after.belief
+        assert oracles.covariance_distance(predicted.covariance, after_belief.covariance) < 1e-12
         for name in ("step", "pointed", "dead", "q", "visible"):
-            np.testing.assert_array_equal(getattr(predicted, name), getattr(after, name))
-        state = system.transition(state, action, worlds)
+            np.testing.assert_array_equal(getattr(predicted, name), getattr(after_belief, name))
+        state = after
         updates += state.truth.detections.sum()
     assert updates > 100
 
@@ -142,14 +146,13 @@ def test_expected_outcome_is_the_mean_over_all_outcomes():
     target = rng.integers(2, size=20)
     belief = ready(THREE, state.belief, target)
     F, _ = plain.model(THREE, 1.0)
-    eta = np.array([plain.measure(THREE, F @ belief.mean[e, t])[1] for e, t in enumerate(target)])
-    pd = plain.detection(THREE, eta)
+    pd = np.array([plain.noise(THREE, F @ belief.mean[e, t], 0, belief.q[e, t])[1] for e, t in enumerate(target)])
     want = 0.0
     for detected in product((0, 1), repeat=3):
         weight = np.where(detected, pd, 1 - pd).prod(axis=1)[:, None, None, None]
         outcome = np.tile(1.0 - np.array(detected), (20, 1))
         want = want + weight * THREE.predict(belief, target, outcome).covariance
-    assert oracles.covariance_distance(THREE.predict(belief, target).covariance, want) < 1e-12
+    assert oracles.covariance_distance(THREE.predict(belief, target).covariance, want) < 1e-4  # Pd is interpolated
 
 
 def test_expected_outcome_is_the_mean_of_what_happens():

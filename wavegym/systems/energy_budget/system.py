@@ -26,7 +26,7 @@ from wavegym.systems.energy_budget.actions import PulseActions
 from wavegym.systems.energy_budget.state import Belief, Measurements, Truth, World, account_fields, spells
 
 ROUND = 1.0 + 1e-12  # a budget short of whole quanta by rounding only is not short
-WEAK = 5.0  # dB, an ordinary SNR of the longest pulse
+WEAK = 8.0  # dB, an ordinary SNR of the longest pulse
 
 
 @system_parameters
@@ -71,7 +71,7 @@ class EnergyBudget(AgileClutter):
     dt: float = changed_default(AgileClutter, "dt", 0.25)
     q: float = changed_default(AgileClutter, "q", 10.0)
     reference_range: float = parameter(
-        36e3, "r0, the range at which the longest pulse has eta = 1", unit="m", truth=True, gt=0
+        43e3, "r0, the range at which the longest pulse has eta = 1", unit="m", truth=True, gt=0
     )
     sensors: tuple[tuple[float, float], ...] = changed_default(AgileClutter, "sensors", ((-10e3, 0.0), (10e3, 0.0)))
     starts: tuple[PlanarState, ...] = parameter(

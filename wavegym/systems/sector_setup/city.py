@@ -19,7 +19,7 @@ from wavegym.sensors.urban_map import UrbanMap
 from wavegym.systems.look_system import NN
 from wavegym.systems.sector_setup import prediction_kernels
 from wavegym.systems.sector_setup.state import Belief, World, sector_fields
-from wavegym.systems.sector_setup.system import Point, SectorSetup
+from wavegym.systems.sector_setup.system import Point, SectorSetup, Train
 from wavegym.systems.sector_setup.visibility_kernels import BLUR
 
 PLACES = 48  # points of a target's distribution, for which visibility is evaluated
@@ -68,8 +68,9 @@ class SectorSetupCity(SectorSetup):
     prior_variance: tuple[Positive, Positive, Positive, Positive] = changed_default(
         SectorSetup, "prior_variance", (9.0, 1.0, 9.0, 1.0)
     )
-    waveforms: tuple[tuple[Positive, Positive], ...] = changed_default(
-        SectorSetup, "waveforms", ((1.0, 2.0), (5.0, 0.1))
+    carrier_hz: float = changed_default(SectorSetup, "carrier_hz", 10e9)
+    waveforms: tuple[Train, ...] = changed_default(
+        SectorSetup, "waveforms", ((4, 250e-6, 9e-6, 15e6), (72, 250e-6, 0.5e-6, 3e6))
     )
     reference_range: float = changed_default(SectorSetup, "reference_range", 300.0)
     nearest_range: float = changed_default(SectorSetup, "nearest_range", 15.0)
@@ -80,10 +81,10 @@ class SectorSetupCity(SectorSetup):
 
     def __post_init__(self) -> None:
         """Check several fields together."""
-        super().__post_init__()
         if not self.map.roads:
             raise InputError(f"city is {self.city!r}, expected a map with roads, on which targets start")
         self.map.check_roads()
+        super().__post_init__()
         _ = self._sites
 
     @cached_property
@@ -100,6 +101,11 @@ class SectorSetupCity(SectorSetup):
         """Ends of the segments of all roads, (segment, 2, 2), and half their width, (segment,)."""
         lanes = [(ends, road.width / 2) for road in self.map.roads for ends in pairwise(road.centre)]
         return np.array([ends for ends, _ in lanes]), np.array([half for _, half in lanes])
+
+    def _farthest(self) -> float:
+        """Half the greatest path over an end of a road, m; targets may drive further."""
+        ends = self._lanes[0].reshape(-1, 2)
+        return float(self._half_paths(np.concatenate([ends, np.zeros_like(ends)], axis=1))[..., 0].max())
 
     def _starts(self, world: World) -> Array:
         """Uniform along all roads, right of the centre line, driving along the road."""
@@ -145,18 +151,8 @@ class SectorSetupCity(SectorSetup):
         """Whether no building hides the targets at the end of each step, bool (env, H, target)."""
         if self.windows:
             return super()._visible(world, true_states)
-        return np.logical_and.reduce([site.directly_visible(self._driven(world, true_states)) for site in self._sites])
-
-    def _driven(self, world: World, true_states: Array) -> Array:
-        """True places at the end of each step, (env, H, target, 2).
-
-        No action moves a target, so its whole path is fixed when the world is drawn.
-        """
-        states = np.empty((len(true_states), self.horizon, *true_states.shape[1:]))
-        here, q, step = true_states, self._densities(world), np.zeros(len(true_states), np.int64)
-        for k in range(self.horizon):
-            states[:, k] = here = self._moved(here, q, step + k, world)
-        return states[..., ::2]
+        places = self._driven(world, true_states)[..., ::2]
+        return np.logical_and.reduce([site.directly_visible(places) for site in self._sites])
 
     def _known(self, world: World, true_states: Array, visible: Array) -> Array:
         """As in SectorSetup; all True if visibility is predicted, because the times are unknown."""

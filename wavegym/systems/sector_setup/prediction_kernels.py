@@ -7,19 +7,23 @@ are (c,) or (e, c).
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from wavegym.core.array_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
+from wavegym.sensors.detection_kernels import detection_of, effective_snr
 from wavegym.systems.sector_setup.kernels import (
     ALL,
     PLACE,
     coast_mean_one,
     coast_one,
+    decouple,
+    heard_one,
     is_visible,
     look_one,
-    probability,
-    shrink_by,
     turn,
 )
 from wavegym.systems.sector_setup.visibility_kernels import (
@@ -37,12 +41,26 @@ from wavegym.trackers.kernels import correct_one, gain_one, shrink_one, spread_o
 FAINT = 1e-6  # least observed standard deviation: keeps log10 finite
 
 
+class Looks(NamedTuple):
+    """A look at a target with one waveform, at all receivers."""
+
+    geometric: NDArray[np.float64]  # (j,) eta of ``look_one``
+    eta: NDArray[np.float64]  # (j,) effective eta of the train
+    pd: NDArray[np.float64]  # (j,)
+    mean_rate: NDArray[np.float64]  # (j,) variance of the mean range-rate
+    h: NDArray[np.float64]  # (a,) predicted measurements
+    H: NDArray[np.float64]  # (a + 1, n) their Jacobian, and a decoupled row
+    V: NDArray[np.float64]  # (1, n, n)
+    v: NDArray[np.float64]  # (n,)
+
+
 @inlined
 def workspace(receivers, n):
-    """(eta, Pd, predicted measurements, their Jacobian, scratch covariance, scratch vector)."""
+    """New ``Looks`` for this number of receivers and n states."""
     rows = 2 * receivers
-    return (
-        np.empty(receivers), np.empty(receivers), np.empty(rows), np.empty((rows, n)), np.empty((1, n, n)), np.empty(n)
+    return Looks(
+        np.empty(receivers), np.empty(receivers), np.empty(receivers), np.empty(receivers), np.empty(rows),
+        np.empty((rows + 1, n)), np.empty((1, n, n)), np.empty(n)
     )  # fmt: skip
 
 
@@ -57,11 +75,37 @@ def none_detects(pd):
 
 @inlined
 def look_all(i, x, radar, work):
-    """Write SNR, Pd, predicted measurements and Jacobians of x[i] at all receivers to ``work``."""
-    eta, pd, h, H, _, _ = work
-    for j in range(len(eta)):
-        eta[j] = look_one(i, x, j, radar, h, H)
-        pd[j] = probability(eta[j], radar)
+    """Write predicted measurements, Jacobians and eta of x[i] at all receivers to ``work``: the same for all trains."""
+    for j in range(len(work.pd)):
+        work.geometric[j] = look_one(i, x, j, radar, work.h, work.H)
+
+
+@inlined
+def hear_all(w, q, radar, work):
+    """Write what is left of a look at a target of density q, with train w: its effective eta, Pd and mean rate."""
+    for j in range(len(work.pd)):
+        eta, work.mean_rate[j] = heard_one(work.geometric[j], j, w, q, work.H, radar)
+        work.pd[j] = detection_of(eta, 0, radar.law)
+        work.eta[j] = effective_snr(eta, 0, radar.law)
+
+
+@inlined
+def absorb_one(i, j, a, P, w, radar, work, nn):
+    """(row of H, innovation variance) of quantity a of receiver j with train w; fills ``work.v``, the gain times it."""
+    if a == 0:
+        return 2 * j, gain_one(i, P, work.H, 2 * j, work.v, nn, PLACE) + radar.accuracy[w, 0] / work.eta[j]
+    row = len(work.H) - 1
+    decouple(j, w, work.H, radar, row)
+    s = gain_one(i, P, work.H, row, work.v, nn, ALL)
+    return row, s + radar.accuracy[w, 1] / work.eta[j] + work.mean_rate[j]
+
+
+@inlined
+def shrink_by(i, j, P, w, radar, work, nn):
+    """Update P[i] with a detection of train w at receiver j."""
+    for a in range(2):
+        _, s = absorb_one(i, j, a, P, w, radar, work, nn)
+        shrink_one(i, P, work.v, s, nn)
 
 
 @kernel
@@ -70,15 +114,15 @@ def expect(i, P, w, radar, clear, P_missed, work, o, P_out, nn):
 
     P_missed[i]: the covariance if no receiver detects it. ``clear``: probability that the target is visible.
     """
-    eta, pd, _, H, V, v = work
+    pd, V = work.pd, work.V
     P_out[o] = 0.0
-    for combination in range(1 << len(eta)):
+    for combination in range(1 << len(pd)):
         copy_matrix(P[i] if combination else P_missed[i], V[0])
         chance = clear
-        for j in range(len(eta)):
+        for j in range(len(pd)):
             if combination >> j & 1:
                 chance *= pd[j]
-                shrink_by(0, j, V, H, w, radar, eta[j], v, nn)
+                shrink_by(0, j, V, w, radar, work, nn)
             else:
                 chance *= 1.0 - pd[j]
         if combination == 0:
@@ -94,17 +138,16 @@ def absorb_place(i, x, P, detected, w, radar, work, d, truth, nn):
 
     This is the mean over measurement errors: the estimate moves towards the target. d (n,) is scratch space.
     """
-    eta, _, _, H, _, v = work
     for a in range(len(nn)):
         d[a] = 0.0
-    for row in range(2 * len(eta)):
-        if detected >> (row // 2) & 1:
+    for j in range(len(work.pd)):
+        for a in range(2 if detected >> j & 1 else 0):
+            row, s = absorb_one(i, j, a, P, w, radar, work, nn)
             y = 0.0
-            for a in range(len(nn)):
-                y += H[row, a] * truth[a]
-            s = gain_one(i, P, H, row, v, nn, ALL) + radar.accuracy[w, row % 2] / eta[row // 2]
-            correct_one(d, H, row, v, s, y, nn)
-            shrink_one(i, P, v, s, nn)
+            for b in range(len(nn)):
+                y += work.H[row, b] * truth[b]
+            correct_one(d, work.H, row, work.v, s, y, nn)
+            shrink_one(i, P, work.v, s, nn)
     for a in range(len(nn)):
         x[i, a] += d[a]
 
@@ -117,35 +160,20 @@ def draw_one(i, x, P, w, draws, last, radar, work, d, sight, truth, nn):
     is visible. A look that finds nothing changes the estimate as in the tracker. Returns 1 if the look finds the
     target, -1 if it finds nothing.
     """
-    first, detected = len(draws) - len(work[1]), 0
+    first, detected = len(draws) - len(work.pd), 0
     if first == 0 or drawn_place(i, x, P, draws[0], last, radar, truth, nn):
-        for j in range(len(work[1])):
-            detected += (draws[first + j] < work[1][j]) << j
+        for j in range(len(work.pd)):
+            detected += (draws[first + j] < work.pd[j]) << j
     if first == 0:
-        for j in range(len(work[1])):
+        for j in range(len(work.pd)):
             if detected >> j & 1:
-                shrink_by(i, j, P, work[3], w, radar, work[0][j], work[5], nn)
+                shrink_by(i, j, P, w, radar, work, nn)
     elif detected:
         absorb_place(i, x, P, detected, w, radar, work, d, truth, nn)
     else:
         sight_one(i, x, P, last, radar, sight)
-        condition_one(i, x, P, sight, 1.0, of_a_miss(none_detects(work[1])), nn)
+        condition_one(i, x, P, sight, 1.0, of_a_miss(none_detects(work.pd)), nn)
     return 1 if detected else -1
-
-
-@inlined
-def look_ahead(t, x, P, last, radar, work, sight, P_missed, nn):
-    """Write a look at target t to ``work``, and the covariance if the look finds nothing to P_missed[t].
-
-    Returns the probability that the target is visible.
-    """
-    look_all(t, x, radar, work)
-    copy_matrix(P[t], P_missed[t])
-    if not visibility_is_predicted(radar):
-        return 1.0
-    clear = sight_one(t, x, P, last, radar, sight)
-    condition_covariance(t, P_missed, sight, 1.0, of_a_miss(none_detects(work[1])), nn)
-    return clear
 
 
 @kernel
@@ -179,14 +207,18 @@ def predict(
                 looked_out[e, c] = -1 if sent else 0
                 continue
             given = draws[e, c if draws.shape[1] > 1 else 0]
+            if t != before:
+                look_all(t, ahead, radar, work)
+            hear_all(w, q[e, t], radar, work)
             if len(given) == 0:
-                if t != before:
-                    clear = look_ahead(t, ahead, V, last, radar, work, sight, V_missed, nn)
+                copy_matrix(V[t], V_missed[t])
+                if visibility_is_predicted(radar):
+                    if t != before:
+                        clear = sight_one(t, ahead, V, last, radar, sight)
+                    condition_covariance(t, V_missed, sight, 1.0, of_a_miss(none_detects(work.pd)), nn)
                 expect(t, V, w, radar, clear, V_missed, work, t, P_out[e, c], nn)
-                looked_out[e, c] = -1 if clear * (1.0 - none_detects(work[1])) < 0.5 else 1
+                looked_out[e, c] = -1 if clear * (1.0 - none_detects(work.pd)) < 0.5 else 1
             else:
-                if t != before:
-                    look_all(t, ahead, radar, work)
                 looked_out[e, c] = draw_one(
                     t, x_out[e, c], P_out[e, c], w, given, last, radar, work, d, sight, truth, nn
                 )  # fmt: skip
@@ -220,15 +252,23 @@ def project_one(P, M, H, U, G, B, nn, mm):
 
 
 @inlined
-def worth_one(detected, G, B, w, accuracy, eta, S, D, mm):
-    """trace((G + R)^-1 B) over the rows of the receivers whose bit in ``detected`` is set, one quantity at a time."""
+def worth_one(detected, G, B, w, radar, work, S, D, mm):
+    """trace((G + R)^-1 B) over the rows of the receivers whose bit in ``detected`` is set, one quantity at a time.
+
+    The rows are range and range-rate, so that G and B serve all trains; the errors of both are correlated.
+    """
     total = 0.0
     for a in range(len(mm)):
         for b in range(a + 1):
             S[a, b], D[a, b] = G[a, b], B[a, b]
+    for j in range(len(work.pd)):
+        far, c = radar.accuracy[w, 0] / work.eta[j], radar.coupling[w]
+        S[2 * j, 2 * j] += far
+        S[2 * j + 1, 2 * j] += c * far
+        S[2 * j + 1, 2 * j + 1] += c * c * far + radar.accuracy[w, 1] / work.eta[j] + work.mean_rate[j]
     for a in range(len(mm)):
         if detected >> (a // 2) & 1:
-            inverse = 1.0 / (S[a, a] + accuracy[w, a % 2] / eta[a // 2])
+            inverse = 1.0 / S[a, a]
             total += D[a, a] * inverse
             for b in range(a + 1, len(mm)):
                 g = S[b, a] * inverse
@@ -240,14 +280,14 @@ def worth_one(detected, G, B, w, accuracy, eta, S, D, mm):
 
 
 @inlined
-def expected_worth(G, B, w, accuracy, eta, pd, S, D, mm):
+def expected_worth(G, B, w, radar, work, S, D, mm):
     """Mean of ``worth_one`` over all combinations of receivers that detect waveform w."""
-    total = 0.0
+    total, pd = 0.0, work.pd
     for combination in range(1, 1 << len(pd)):
         chance = 1.0
         for j in range(len(pd)):
             chance *= pd[j] if combination >> j & 1 else 1.0 - pd[j]
-        total += chance * worth_one(combination, G, B, w, accuracy, eta, S, D, mm)
+        total += chance * worth_one(combination, G, B, w, radar, work, S, D, mm)
     return total
 
 
@@ -262,7 +302,7 @@ def gain(step, mean, P, pointed, q, visible, looked, target, waveform, wait, M, 
     ahead, V, work = np.empty((1, n)), np.empty((1, n, n)), workspace(receivers, n)
     U, G, B = np.empty((len(mm), n)), np.empty((len(mm), len(mm))), np.empty((len(mm), len(mm)))
     S, D = np.empty((len(mm), len(mm))), np.empty((len(mm), len(mm)))
-    sight, clear, learned = np.zeros(6), 1.0, 0.0
+    sight, clear = np.zeros(6), 1.0
     for e in range(len(step)):
         own = e if len(wait) > 1 else 0
         last, late = -1, -1
@@ -282,17 +322,20 @@ def gain(step, mean, P, pointed, q, visible, looked, target, waveform, wait, M, 
                     coast_one(0, V, tau, radar.turn_rate, q[e, t], 0, V)
                 look_all(0, ahead, radar, work)
                 weights = M[min(len(M), horizon - k) - 1]
-                project_one(V, weights, work[3], U, G, B, nn, mm)
+                project_one(V, weights, work.H, U, G, B, nn, mm)
                 last, late = t, delay
                 if visibility_is_predicted(radar):
                     recent = looked[e] if pointed[e] == t and delay == 0 else 0
-                    clear, found = sight_one(0, ahead, V, recent, radar, sight), 1.0 - none_detects(work[1])
-                    learned = (1.0 - clear * found) * condition_worth(
+                    clear = sight_one(0, ahead, V, recent, radar, sight)
+            if clear > 0.0:
+                w = waveform[c]
+                hear_all(w, q[e, t], radar, work)
+                out[e, c] = clear * expected_worth(G, B, w, radar, work, S, D, mm)
+                if visibility_is_predicted(radar):
+                    found = 1.0 - none_detects(work.pd)
+                    out[e, c] += (1.0 - clear * found) * condition_worth(
                         0, V, sight, 1.0, of_a_miss(1.0 - found), weights, nn
                     )
-            if clear > 0.0:
-                worth = expected_worth(G, B, waveform[c], radar.accuracy, work[0], work[1], S, D, mm)
-                out[e, c] = clear * worth + learned
 
 
 @inlined
@@ -364,7 +407,7 @@ def observe(step, mean, P, pointed, dead, q, visible, looked, radar, soon, out, 
             out[e, column + 6] = V[0, 1, 1] + V[0, 3, 3]
             column += 7
             for j in range(receivers):
-                out[e, column] = work[0][j]
-                out[e, column + 1] = max(spread_one(0, V, work[3], 2 * j, PLACE), FAINT * FAINT)
-                out[e, column + 2] = max(spread_one(0, V, work[3], 2 * j + 1, ALL), FAINT * FAINT)
+                out[e, column] = work.geometric[j]
+                out[e, column + 1] = max(spread_one(0, V, work.H, 2 * j, PLACE), FAINT * FAINT)
+                out[e, column + 2] = max(spread_one(0, V, work.H, 2 * j + 1, ALL), FAINT * FAINT)
                 column += 3

@@ -25,7 +25,7 @@ def fused_transition(system: SectorSetup, state: State, action: Array, world: Wo
     truth, belief = state
     targets, report, fresh = np.empty(truth.targets.shape), system._report(belief), system._fresh(belief)
     kernels.transition(
-        *belief[:6], belief.looked, *truth[:3], *system._split(action), world.process, world.detection, world.error,
+        *belief[:6], belief.looked, *truth[:3], *system._split(action), world.process, world.key, world.error,
         system.motion.noise_factor, system.truth_model._radar, system._radar, targets, *report, *fresh, NN
     )  # fmt: skip
     measurements = system._measurements(*report)

@@ -19,7 +19,7 @@ class World(NamedTuple):
     window: Array  # (target, n) uniform: windows of visibility
     start: Array  # (target, 4) normal: error of the first estimate
     process: Array  # (H, target, 4) normal: process noise
-    detection: Array  # (H, receiver, target) uniform: detected if below Pd; read only for the illuminated target
+    key: Array  # () uint64: key of the draws of echo and noise, by step, target and receiver
     error: Array  # (H, receiver, target, 2) normal: measurement error
 
 
