@@ -58,6 +58,7 @@ MOST_DECIBELS = 300.0
 STEPS = 50  # halvings of the interval in which a quantile lies
 LAWS = 8  # whose tables are kept: a threshold takes 0.1 s, and every environment of the law needs it
 TABLE = 2001  # values of a table over ln eta
+LN_SNR = np.linspace(FIRST, LAST, TABLE)
 
 
 def range_law_snr(
@@ -299,7 +300,7 @@ def echo_law(
 
 @lru_cache(maxsize=LAWS)
 def _tables(false_alarms: tuple[float, ...], fluctuation: str, searched: int, energy: float, realised: bool) -> EchoLaw:
-    shape, snr = _shape(fluctuation, 1), np.exp(np.linspace(FIRST, LAST, TABLE))
+    shape, snr = _shape(fluctuation, 1), np.exp(LN_SNR)
     echo, law = 2.0 * energy * snr, (fluctuation, 1, searched)
     steady = math.isinf(shape)
     detection, effective = np.zeros((2, len(false_alarms), TABLE))
@@ -329,9 +330,9 @@ def assumed_echo(snr: ArrayLike, law: EchoLaw) -> AssumedEcho:
         InputError: an SNR that is not > 0.
     """
     eta = check_elements(check_positive, "snr", snr)
-    steps, places = np.linspace(FIRST, LAST, TABLE), np.log(eta)
-    effective = np.maximum(eta * np.exp(np.interp(places, steps, law.effective[0])), CELL) if law.realised else eta
-    return AssumedEcho(np.interp(places, steps, law.detection[0]), effective)
+    places = np.log(eta)
+    effective = np.maximum(eta * np.exp(np.interp(places, LN_SNR, law.effective[0])), CELL) if law.realised else eta
+    return AssumedEcho(np.interp(places, LN_SNR, law.detection[0]), effective)
 
 
 class _Look:
