@@ -202,3 +202,10 @@ def test_what_is_no_part_is_refused(changed, message) -> None:
 def test_targets_without_a_scenario_are_refused(changed, message) -> None:
     with pytest.raises(InputError, match=message):
         replace(planar().targets, **changed)
+
+
+@pytest.mark.parametrize("changed", [{"fluctuation": "swerling3"}, {"searched": 2}])
+def test_a_law_of_echoes_without_a_threshold_is_refused(changed) -> None:
+    PlanarRadar(false_alarm=1e-3, **changed)
+    with pytest.raises(InputError, match="without a threshold, expected a false_alarm"):
+        PlanarRadar(**changed)

@@ -267,6 +267,9 @@ class PlanarRadar(Sensor):
         reference_range, nearest_range: as in ``LineOfSightRadar``.
         false_alarm: Pf of a known cell. None: every pulse detects, at the mean SNR.
         fluctuation, searched: of echoes, see ``wavegym.sensors.detection_probability``.
+
+    Raises:
+        InputError: an invalid value; ``fluctuation`` or ``searched`` without ``false_alarm``, where they have no effect.
     """
 
     place: tuple[float, float] = (0.0, 0.0)
@@ -282,6 +285,11 @@ class PlanarRadar(Sensor):
         check_int("searched", self.searched, 0)
         if self.false_alarm is not None:
             check_probability("false_alarm", self.false_alarm)
+        elif (self.fluctuation, self.searched) != ("swerling1", 0):
+            raise InputError(
+                f"fluctuation is {self.fluctuation!r} and searched is {self.searched} without a threshold,"
+                " expected a false_alarm"
+            )
 
     def measure(self, states: Array) -> Array:
         """Range and range-rate."""
