@@ -163,6 +163,18 @@ def false_return_threshold(unit_covariance: ArrayLike, density: ArrayLike, eleme
     return np.asarray(0.5 * (low + high))
 
 
+def check_threshold(false_alarm: float) -> None:
+    """Pf of a cell sets a threshold T = -ln Pf at which the peaks of noise are apart.
+
+    Raises:
+        InputError: Pf above exp(-1.5), where they merge.
+    """
+    most = float(f"{math.exp(-LOWEST):.3g}")
+    if false_alarm > most:
+        wanted = f"at most {most:g} (nearest): below that threshold the peaks of noise merge"
+        raise InputError(f"false alarm probability is {false_alarm!r}, expected {wanted}")
+
+
 def _lowest(elements: int) -> float:
     return LOWEST if check_int("elements", elements, 1) == 1 else LOWEST_OF_ARRAY
 

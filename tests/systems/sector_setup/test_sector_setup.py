@@ -139,9 +139,10 @@ def test_the_default_trains():
         ),
         ({"waveforms": ((2, 20e-6, 1e-6, 1e6),)}, r"range of 2 x .* folds at 2997.9.*nearest: interval 3.9"),
         ({"waveforms": ((5000, 250e-6, 1e-6, 1e6),)}, r"takes 1.249.* expected at most the step, 1.0 s"),
+        ({"false_alarm": 0.3}, r"false alarm probability is 0.3, expected at most 0.223 \(nearest\)"),
     ],
 )
-def test_trains_that_do_not_fit_are_refused(change, message):
+def test_trains_and_thresholds_that_do_not_fit_are_refused(change, message):
     with pytest.raises(InputError, match=message):
         make_checked(SectorSetup, {**change, "speed": (5.0, 30.0)})
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -28,7 +27,7 @@ from wavegym.sensors import (
     range_law_snr,
 )
 from wavegym.sensors.detection import Fluctuation
-from wavegym.sensors.trains import LOWEST
+from wavegym.sensors.trains import LOWEST, check_threshold
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
 from wavegym.systems.agile_clutter.actions import ChirpActions
@@ -212,11 +211,8 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
             if self.alarm_density > greatest:
                 wanted = f"at most {greatest:.6g}: beyond it the noise peaks of the coarsest waveform merge"
                 raise InputError(f"alarm_density is {self.alarm_density:g} s/m^2, expected {wanted}")
-        most = float(f"{math.exp(-LOWEST):.3g}")
         for alarm in () if self.snr_law == "printed" else self.false_alarms or (self.false_alarm,):
-            if alarm > most:
-                wanted = f"at most {most:g} (nearest): below that threshold the peaks of noise merge"
-                raise InputError(f"false alarm probability is {alarm!r}, expected {wanted}")
+            check_threshold(alarm)
 
     def _check_targets(self) -> None:
         """InputError for numbers of sensors and targets, or times, that do not make a scenario."""

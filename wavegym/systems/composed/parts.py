@@ -269,7 +269,7 @@ class PlanarRadar(Sensor):
         fluctuation, searched: of echoes, see ``wavegym.sensors.detection_probability``.
 
     Raises:
-        InputError: an invalid value; ``fluctuation`` or ``searched`` without ``false_alarm``, where they have no effect.
+        InputError: an invalid value; ``fluctuation`` or ``searched`` without ``false_alarm``, as they have no effect.
     """
 
     place: tuple[float, float] = (0.0, 0.0)

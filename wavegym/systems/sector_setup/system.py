@@ -18,7 +18,7 @@ from wavegym.core.traits import TimedPulses
 from wavegym.sensors.detection import Fluctuation, echo_law
 from wavegym.sensors.multipath_kernels import SightTable
 from wavegym.sensors.multistatic import multistatic_range_and_rate, range_and_rate_jacobian
-from wavegym.sensors.trains import KNEE, MEAN_RATE
+from wavegym.sensors.trains import KNEE, MEAN_RATE, check_threshold
 from wavegym.systems.look_system import NN, LookSystem
 from wavegym.systems.sector_setup import kernels
 from wavegym.systems.sector_setup import prediction_kernels as prediction
@@ -141,6 +141,7 @@ class SectorSetup(LookSystem, TimedPulses):
         """Check several fields together."""
         super().__post_init__()
         check_within("nearest_range", self.nearest_range, 0, self.reference_range, "m")
+        check_threshold(self.false_alarm)
         for axis, bounds in zip("xy", self.region, strict=True):
             check_ordered(f"{axis} of region", *bounds)
         check_ordered("speed", *self.speed)
