@@ -285,7 +285,7 @@ class PlanarRadar(Sensor):
         check_int("searched", self.searched, 0)
         if self.false_alarm is not None:
             check_probability("false_alarm", self.false_alarm)
-        elif (self.fluctuation, self.searched) != ("swerling1", 0):
+        elif (self.fluctuation, self.searched) != (PlanarRadar.fluctuation, PlanarRadar.searched):
             raise InputError(
                 f"fluctuation is {self.fluctuation!r} and searched is {self.searched} without a threshold,"
                 " expected a false_alarm"
