@@ -46,7 +46,8 @@ def test_the_gain_comes_from_the_filter(summary, setting):
     """Either half by itself; and one NCV that expects more, in an open loop."""
     assert figures_of(summary, setting, (VSIMM, TURNS))["over_open"]["rmse"]["ci"][1] < 0.4
     assert figures_of(summary, setting, (NCV, MYOPIC))["over_open"]["rmse"]["ci"][0] > 0.95
-    assert figures_of(summary, setting, (NCV1, TURNS))["over_closed"]["rmse"]["ci"][0] < 1.05
+    one_model = figures_of(summary, setting, (NCV1, TURNS))["over_closed"]["rmse"]
+    assert one_model["ci"][0] < 1 if setting == STRICT else 1 < one_model["ci"][0] < one_model["ratio"] < 1.06
     assert figures_of(summary, setting, (VSIMM, LONG))["over_closed"]["rmse"]["ci"][0] < 1.05
     assert figures_of(summary, setting, CLOSED)["long"]["mean"] == 1
 
