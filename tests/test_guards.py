@@ -239,6 +239,11 @@ GOOD: dict[str, dict[str, Argument]] = {
     },
     "assumed_echo": {"snr": positive(np.ones(3)), "law": given_as(sensors.echo_law((0.01,)))},
     "echo_law": {"false_alarms": Argument("open probability", np.full(2, 0.01)), "fluctuation": given_as("swerling3")},
+    "contiguous_bands": {"channels": Argument("count", 8), "widest": Argument("count", 3)},
+    "noise_factors": {
+        "noise": positive(np.ones((2, 8))), "bands": given_as(sensors.contiguous_bands(8)),
+        "receiver": given_as("whitening"),
+    },
     "unit_snr_range": {
         "energy": positive(np.ones(3)), "gain_db": finite(30.0), "wavelength": positive(0.03),
         "cross_section": positive(1.0), "noise_temperature": positive(290.0), "losses_db": non_negative(3.0),
@@ -356,7 +361,7 @@ ROOMS = (trackers, sensors, targets, waveforms, urban)
 NO_NUMBERS = {
     # results, which functions of this package make
     "Association", "GaussianMixture", "Gospa", "LmipdaUpdate", "MixtureUpdate", "Particles", "RbpfUpdate", "Tracks",
-    "Siap", "Agreements", "Folded", "FoldHypotheses", "FoldUpdate", "PairUpdate",
+    "Siap", "Agreements", "Folded", "FoldHypotheses", "FoldUpdate", "PairUpdate", "Bands",
     "Echoes", "Peaks", "View", "Kinematics", "Piece", "TrackSummary", "Windows", "ChirpLaw",
     # made of objects that are checked themselves, of text or of files, which have tests of their own
     "EclipsedLibrary", "EclipsePulses", "EclipseTables", "eclipse_tables",

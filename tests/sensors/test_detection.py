@@ -293,6 +293,35 @@ def test_assumptions_in_numpy_are_those_of_compiled_loops(realised):
     np.testing.assert_allclose(found.effective, wanted[..., 1], rtol=1e-9)
 
 
+@pytest.mark.parametrize("cells", [4, 32])
+def test_a_cfar_detector_has_the_textbook_probability_and_false_alarms(cells):
+    """Swerling 1 at a known cell: Pd = (1 + t / (1 + E/N0))^-N with Pf = (1 + t)^-N (Gandhi and Kassam 1988)."""
+    alarm, count = 1e-2, 40_000
+    law, t = echo_law((alarm,), "swerling1", cells=cells), alarm ** (-1.0 / cells) - 1.0
+    for row, snr in enumerate((1e-3, 5.0, 60.0)):
+        wanted, found = (1.0 + t / (1.0 + 0.5 * snr)) ** -cells, np.empty(count)
+        assert detection_of(snr, 0, law) == pytest.approx(wanted, abs=5e-5)
+        looks(snr, 0, law, np.uint64(row), found)
+        detected = found[found > 0.0]
+        assert abs(len(detected) / count - wanted) <= 4.0 * math.sqrt(wanted * (1.0 - wanted) / count)
+        inverse = 1.0 / detected
+        assert (
+            abs(inverse.mean() - 1.0 / effective_snr(snr, 0, law))
+            <= 4.0 * inverse.std() / math.sqrt(len(inverse)) + 1e-9
+        )
+    loss = detection_of(60.0, 0, echo_law((alarm,), "swerling1")) - detection_of(60.0, 0, law)
+    assert loss > 0.002
+
+
+def test_many_reference_cells_are_a_known_noise():
+    known, many = (echo_law((1e-3,), "swerling3", 2, cells=cells) for cells in (0, 64))
+    snr = np.geomspace(1.0, 1e4, 50)
+    found = [[detection_of(e, 0, law) for e in snr] for law in (known, many)]
+    np.testing.assert_allclose(*found, atol=0.05)
+    with pytest.raises(InputError, match=r"cells is 65, expected .*nearest: 64"):
+        echo_law((1e-3,), cells=65)
+
+
 def test_beyond_the_tables():
     law = echo_law((1e-3,), "swerling1", 2)
     assert detection_of(1e-9, 0, law) == law.detection[0, 0]

@@ -66,6 +66,7 @@ from wavegym.sensors.folding import (
     resolve_folds,
     unfold,
 )
+from wavegym.sensors.interference import Bands, contiguous_bands, noise_factors
 from wavegym.sensors.multipath import Antenna
 from wavegym.sensors.multistatic import (
     Echoes,
@@ -90,6 +91,7 @@ __all__ = [
     "Agreements",
     "Antenna",
     "ArrayReceiver",
+    "Bands",
     "Building",
     "Echoes",
     "EclipsePulses",
@@ -109,6 +111,7 @@ __all__ = [
     "agreeing_combinations",
     "assumed_echo",
     "combined_interval",
+    "contiguous_bands",
     "detected_snr",
     "detection_probability",
     "echo_law",
@@ -129,6 +132,7 @@ __all__ = [
     "mean_rate_variance",
     "motion_loss",
     "multistatic_range_and_rate",
+    "noise_factors",
     "outside_notch",
     "outside_notch_probability",
     "platform_jacobian",

@@ -54,6 +54,7 @@ Fluctuation = Literal["swerling0", "swerling1", "swerling2", "swerling3", "swerl
 """The names of the laws of fluctuation."""
 FLUCTUATIONS = get_args(Fluctuation)
 MOST_PULSES = 1000
+MOST_CELLS = 64  # their product of uniform draws stays a number
 MOST_DECIBELS = 300.0
 STEPS = 50  # halvings of the interval in which a quantile lies
 LAWS = 8  # whose tables are kept: a threshold takes 0.1 s, and every environment of the law needs it
@@ -270,13 +271,14 @@ def echo_law(
     *,
     energy: float = 0.5,
     realised: bool = True,
+    cells: int = 0,
 ) -> EchoLaw:
     """Detection and errors of one look in the form of compiled loops: see ``detection_kernels``.
 
     In the world ``received_snr`` draws the echo's realised SNR, which decides on the detection and is the SNR of the
-    errors. A tracker has ``detection_of`` and the effective eta, 1 / ``mean_inverse_detected_snr(eta, least=1)``: C
-    over it is the mean covariance of a detected echo. Interpolation has absolute errors of Pd below 5e-5, and relative
-    errors of the effective eta below 1e-4.
+    errors. A tracker has ``detection_of`` and the effective eta: C over it is the mean covariance of a detected echo.
+    Where the noise is known it is 1 / ``mean_inverse_detected_snr(eta, least=1)``. Interpolation has absolute errors of
+    Pd below 5e-5, and relative errors of the effective eta below 1e-4.
 
     Args:
         false_alarms: Pf of a known cell at each threshold, (row,).
@@ -284,6 +286,8 @@ def echo_law(
         searched: quantities over which the receiver takes the greatest value about the echo.
         energy: E/N0 of an echo with eta = 1. It is 0.5, unless a paper takes one eta for E/N0 and 2E/N0.
         realised: False: the errors have the SNR of the mean echo.
+        cells: reference cells of a CFAR detector, whose threshold is a multiple of their mean power; 0: the receiver
+            knows the noise, or has as good as infinitely many.
 
     Returns:
         Tables that callers share and must not change; a row for each threshold.
@@ -295,21 +299,26 @@ def echo_law(
     if alarms.ndim != 1 or not len(alarms):
         raise InputError(f"false_alarms has shape {alarms.shape}, expected a sequence of at least one probability")
     check_positive("energy", energy)
-    return _tables(tuple(alarms.tolist()), fluctuation, check_int("searched", searched, 0), energy, realised)
+    check_within("cells", check_int("cells", cells, 0), 0, MOST_CELLS)
+    return _tables(tuple(alarms.tolist()), fluctuation, check_int("searched", searched, 0), energy, realised, cells)
 
 
 @lru_cache(maxsize=LAWS)
-def _tables(false_alarms: tuple[float, ...], fluctuation: str, searched: int, energy: float, realised: bool) -> EchoLaw:
+def _tables(
+    false_alarms: tuple[float, ...], fluctuation: str, searched: int, energy: float, realised: bool, cells: int
+) -> EchoLaw:
     shape, snr = _shape(fluctuation, 1), np.exp(LN_SNR)
-    echo, law = 2.0 * energy * snr, (fluctuation, 1, searched)
     steady = math.isinf(shape)
     detection, effective = np.zeros((2, len(false_alarms), TABLE))
-    for row, alarm in enumerate(false_alarms):
-        alarms = np.full(TABLE, alarm)
-        detection[row] = fluctuating_detection_probability(echo, alarms, *law)
+    alarms = np.array(false_alarms)
+    threshold = np.expm1(-np.log(alarms) / cells) if cells else -np.log(alarms)
+    for row, level in enumerate(threshold if cells else special.gammainccinv(1, alarms)):
+        look = _Look(shape, energy * snr, np.full(TABLE, level), 1 + 0.5 * searched, cells)
+        detection[row] = look.detected()
         if not steady:  # its effective eta is eta, at least CELL
-            effective[row] = -np.log(snr * mean_inverse_detected_snr(echo, alarms, *law, CELL))
-    return EchoLaw(-np.log(false_alarms), detection, effective, energy, 0 if steady else int(shape), searched, realised)
+            inverse = 0.5 * look.detected_inverse(0.5 * CELL) / detection[row]
+            effective[row] = -np.log(snr * inverse)
+    return EchoLaw(threshold, detection, effective, energy, 0 if steady else int(shape), searched, realised, cells)
 
 
 class AssumedEcho(NamedTuple):
@@ -343,11 +352,14 @@ class _Look:
         energy: mean of the realised energy S, E/N0 of all pulses together.
         threshold: of the detector's output.
         degrees: shape of the detector's output without an echo.
+        cells: reference cells; ``threshold`` is then over the sum of their powers.
     """
 
-    def __init__(self, shape: float, energy: Array, threshold: Array, degrees: float) -> None:
+    def __init__(self, shape: float, energy: Array, threshold: Array, degrees: float, cells: int = 0) -> None:
         self.shape, self.energy = shape, energy
         top = float(np.max(threshold, initial=0.0))
+        if cells:  # as good as the greatest sum of the reference cells
+            top *= cells + 10.0 * math.sqrt(cells) + 40.0
         self.count = math.ceil(top + 10.0 * math.sqrt(top) + 40.0)  # beyond: every look is detected, to 1e-16
         k = np.arange(self.count).reshape(-1, *(1,) * np.ndim(energy))
         if math.isinf(shape):
@@ -358,8 +370,12 @@ class _Look:
             logs = logs - shape * np.log1p(energy / shape) - k * np.log1p(shape / energy)
             self._rest = special.betainc(float(self.count), shape, energy / (energy + shape))
         self._k, weights = k, np.exp(logs)
-        self._missed = weights * special.gammainc(degrees + k, threshold)
-        self._detected = weights * special.gammaincc(degrees + k, threshold)
+        if cells:  # a gamma variable is below a multiple of another: their share is beta-distributed
+            share = threshold / (1.0 + threshold)
+            below, above = (law(degrees + k, float(cells), share) for law in (special.betainc, special.betaincc))
+        else:
+            below, above = (law(degrees + k, threshold) for law in (special.gammainc, special.gammaincc))
+        self._missed, self._detected = weights * below, weights * above
 
     def detected(self) -> Array:
         """Probability of detection: sum over k of P(k) Q(degrees + k, threshold)."""

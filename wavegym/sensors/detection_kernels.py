@@ -27,19 +27,21 @@ def snr(r, reference, nearest, out):
 
 
 FIRST, LAST = np.log(1e-3), np.log(1e7)  # ln eta at both ends of the tables of ``detection.py``
+LEVEL = 16  # first draw of the reference cells
 CELL = 1.0  # eta below which errors grow no further: the error is about a resolution cell
 
 
 class EchoLaw(NamedTuple):
     """Detection of an echo and the SNR of its errors, as ``detection.echo_law`` makes it. A row is a threshold."""
 
-    threshold: Any  # (row,) T, power over that of the noise: Pf = exp(-T) for a known cell
+    threshold: Any  # (row,) T, power over that of the noise, or over the sum of the reference cells
     detection: Any  # (row, n) Pd at even steps of ln eta
     effective: Any  # (row, n) ln of the effective eta over eta; see ``effective_snr``
     energy: float  # E/N0 over eta
     shape: int  # K of the gamma law of the realised energy: 1, 2, or 0 for a steady echo
     searched: int  # quantities over which the receiver takes the greatest value
     realised: bool  # whether errors have the SNR of the realised echo; else that of the mean echo
+    cells: int  # reference cells from whose mean power the threshold is set; 0: the noise is known
 
 
 @kernel
@@ -90,7 +92,13 @@ def received_snr(eta, row, key, law):
         power += exponential(key, 5 + pair)
     if law.searched % 2:
         power += 0.5 * normal(key, 4) ** 2
-    if not power > law.threshold[row]:
+    threshold = law.threshold[row]
+    if law.cells:
+        product = 1.0
+        for i in range(law.cells):
+            product *= uniform(key, LEVEL + i)
+        threshold *= -np.log(product)
+    if not power > threshold:
         return 0.0
     return max(2.0 * S, CELL) if law.realised else eta
 
