@@ -17,8 +17,8 @@ from pathlib import Path
 
 from wavegym.core.command_line import Parser, guarded
 
-ENV = "wavegym/KershawEvansPosition-v0"
-SCHEDULERS = "best-fixed,myopic,weighted-myopic,lookahead:2,lookahead:3,random"
+ENV = "wavegym/SharedSpectrum-v0"
+SCHEDULERS = "random,best-fixed,sense-and-avoid,claim,myopic,myopic:context-tree,myopic:lags"
 STEPS = 480_000
 CHECKPOINT_EVERY = 100_000
 

@@ -31,6 +31,7 @@ SLOW: dict[str, tuple[int, dict[str, Any], tuple[str, ...]]] = {  # worlds, para
     "Urban-v0": (WORLDS, {}, POLICIES[:4]),
     "RfEo-v0": (WORLDS, {"horizon": 200}, POLICIES),
     "MultifunctionRadar-v0": (4, {"horizon": 400}, POLICIES[:3]),
+    "SharedSpectrum-v0": (4, {}, POLICIES),
 }
 MOVED = {  # where the checkout of another commit may have it
     "draw_worlds": ("wavegym.core.worlds", "wavegym.evaluation.worlds"),

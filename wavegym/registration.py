@@ -71,6 +71,9 @@ SYSTEMS = {
     "wavegym/MultifunctionRadar-v0": Registration(
         f"{LOOPS}.multifunction_radar.system:MultifunctionRadar", f"{LOOPS}.multifunction_radar.scene:RegionScene"
     ),
+    "wavegym/SharedSpectrum-v0": Registration(
+        f"{LOOPS}.shared_spectrum.system:SharedSpectrum", f"{LOOPS}.shared_spectrum.scene:BandScene"
+    ),
 }
 RECORDS: dict[str, Registration] = {}  # of every id that ``register`` was given
 

@@ -18,7 +18,7 @@ def test_it_trains_compares_and_overwrites_nothing(tmp_path: Path, capsys: pytes
         assert summary["worlds"] == 4
         shown = capsys.readouterr().out
         assert str(folder / "comparison.png") in shown
-        assert "lookahead:3" in shown
+        assert "myopic:lags" in shown
         assert (folder / "comparison.png").stat().st_size > 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["demo", "demo-2"]
 

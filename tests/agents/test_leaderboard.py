@@ -29,7 +29,9 @@ def entry(**costs: list[float]) -> leaderboard.Entry:
 def results(cost: list[float]) -> EpisodeResults:
     """With errors as believed."""
     costs, nothing = np.array([cost]), np.full((1, len(cost)), np.nan)
-    return EpisodeResults(costs, np.sqrt(costs), np.sqrt(costs), nothing, 2.0 + 0.0 * costs, 0.0 * costs, nothing)
+    return EpisodeResults(
+        costs, np.sqrt(costs), np.sqrt(costs), nothing, 2.0 + 0.0 * costs, 0.0 * costs, *[nothing] * 3
+    )
 
 
 @pytest.fixture

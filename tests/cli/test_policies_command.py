@@ -60,7 +60,7 @@ def test_the_reason_is_a_few_words(name, system, why):
 def test_the_command_prints_a_line_for_each_policy(capsys):
     assert main(["policies", "Urban-v0"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split("  ")[-1] == "applies to wavegym/Urban-v0"
+    assert lines[0].split("  ")[-1].strip() == "applies to wavegym/Urban-v0"
     assert [line.split()[0] for line in lines[1 : len(MEANINGS) + 1]] == [*MEANINGS]
     applies = {line.split()[0]: line[lines[0].index("applies") :] for line in lines[1:] if line}
     assert applies["myopic"] == applies["open-loop"] == applies["ppo"] == "yes"

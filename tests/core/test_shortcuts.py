@@ -290,6 +290,7 @@ OFFERED = {
     "BeamAllocation": f"{CLUTTER} constants delay fused_transition gain gain_by_target linear_cost target_of_action",
     "EnergyBudget": f"{CLUTTER} constants delay fused_transition gain linear_cost spending",
     "EnergyBudgetKnown": f"{CLUTTER} constants delay fused_transition gain linear_cost spending",
+    "SharedSpectrum": "TimedPulses baselines best_action fused_transition measured_fields named_constants sensed_band",
     "MultifunctionRadar": "TimedPulses TrackSlots UnequalSteps constants gain_per_second resting_cost scores simulate",
 }
 

@@ -120,7 +120,7 @@ def test_both_environment_checkers_pass_without_a_warning(id):
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(gym.make(id, render_mode="rgb_array", horizon=5).unwrapped, skip_render_check=False)
+        check_env(gym.make(id, render_mode="rgb_array", horizon=16).unwrapped, skip_render_check=False)
         checker.check_env(gym.make(id), warn=True)
         if has_form(id, "box"):
             checker.check_env(gym.make(id, action="box"), warn=True)

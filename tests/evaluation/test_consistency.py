@@ -128,7 +128,7 @@ def results(cost, error, members=1, gospa=None):
     nothing = np.full((members, WORLDS), np.nan)
     reported = nothing if gospa is None else np.sqrt(gospa * LEVEL * noise[1])
     root = np.sqrt(error * LEVEL * noise[1])
-    return EpisodeResults(cost * LEVEL * noise[0], root, nothing, reported, nothing, nothing, nothing)
+    return EpisodeResults(cost * LEVEL * noise[0], root, nothing, reported, *[nothing] * 5)
 
 
 def test_a_pair_with_two_orders_is_named():

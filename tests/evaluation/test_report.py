@@ -56,7 +56,19 @@ def test_the_summary_has_the_agreed_form(folder):
     assert list(summary["policies"]) == ["myopic", "random", "learner"]
     for policy in summary["policies"].values():
         assert list(policy) == [
-            *("cost", "vs_myopic", "score", "truth", "nees", "true_over_believed", "lost", "rmse", "us_per_decision")
+            *(
+                "cost",
+                "vs_myopic",
+                "score",
+                "truth",
+                "nees",
+                "true_over_believed",
+                "lost",
+                "collisions",
+                "share",
+                "rmse",
+            ),
+            "us_per_decision",
         ]
         assert list(policy["truth"]) == [
             *("mean", "ci", "root", "percent", "percent_ci", "geometric_percent", "geometric_ci")

@@ -84,7 +84,18 @@ def test_episodes_and_summary_name_the_waveforms_of_each_sensor(form):
     comparison = compare(ID, {"round-robin": None, "fixed:1": None}, worlds=60, jobs=1, action=form)
     rows = list(csv.DictReader(io.StringIO(episodes(comparison))))
     assert list(rows[0])[10:] == [
-        *("lost", "outside", "rmse_1", "rmse_2", "favourite_1", "favourite_share_1", "favourite_2", "favourite_share_2")
+        *(
+            "lost",
+            "collisions",
+            "share",
+            "outside",
+            "rmse_1",
+            "rmse_2",
+            "favourite_1",
+            "favourite_share_1",
+            "favourite_2",
+            "favourite_share_2",
+        )
     ]
     fixed = [row for row in rows if row["policy"] == "fixed:1"]
     assert len(fixed) == 60

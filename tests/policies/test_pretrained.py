@@ -19,7 +19,7 @@ PACKAGED = [(run["env"], run["algo"]) for run in map(read_run, sorted(PRETRAINED
 def test_they_are_seed_0_of_every_run_in_the_results() -> None:
     copied = {file for folder in sources() for file in (folder / name for name in PRETRAINED_FILES)}
     assert {file for file in PRETRAINED.glob("*/*/*") if file.suffix not in (".py", ".pyc")} == copied
-    assert len(copied) == 2 * len(PACKAGED) == 50
+    assert len(copied) == 2 * len(PACKAGED) == 54
     for packaged, run in sources().items():
         assert read_run(packaged / RUN)["seed"] == 0
         assert (run.is_symlink(), run.resolve()) == (True, packaged.resolve())

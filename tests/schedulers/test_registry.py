@@ -155,9 +155,10 @@ DELAYED = [
     "constant-pace",
     "clear-slot-price",
 ]  # need a gain
+BAND = [name for name, meaning in MEANINGS.items() if meaning.startswith("in a shared band")]
 LONG = ["best-simple", "best-planner", "receding-horizon", "plan-once", "cycle"]  # tuned on the spot
 NUMBERED = [name for name in MEANINGS if re.fullmatch("[a-z-]+:[A-Z]+", name)]
-PLAIN = [name for name in MEANINGS if name not in (*NUMBERED, *OTHERS, *DELAYED, *LONG)]
+PLAIN = [name for name in MEANINGS if name not in (*NUMBERED, *OTHERS, *DELAYED, *BAND, *LONG)]
 BOX = ("myopic:closed-form", "myopic:slsqp", "myopic:polish")
 
 

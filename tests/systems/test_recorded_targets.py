@@ -126,7 +126,10 @@ def test_every_shortcut_agrees_with_the_contract(name, recording):
 def test_every_system_with_a_motion_model_plays_recordings():
     offering = {id for id in SYSTEMS if not lacks_trait(make_task(id, {}).system, RecordedTargets)}
     assert offering >= {f"wavegym/{name}-v0" for name in (*PLANAR, *LINE)}
-    streets, traffic = ("SectorSetupCity", "Urban", "UrbanSignal"), ("MultifunctionRadar",)  # with targets of their own
+    streets, traffic = (
+        ("SectorSetupCity", "Urban", "UrbanSignal"),
+        ("MultifunctionRadar", "SharedSpectrum"),
+    )  # with targets of their own
     others = {f"wavegym/{name}-v0" for name in (*streets, *traffic)}
     assert {*SYSTEMS} - offering == others
 

@@ -389,3 +389,28 @@ def baselines(system: Any) -> dict[str, tuple[str, dict[str, Any]]]:
 @shortcut("candidates")
 def target_of_action(system: Any) -> Array:  # type: ignore[empty-body]
     """The target of each beam of each candidate, (candidate, beam) int, where candidates select targets."""
+
+
+class SensedBand(NamedTuple):
+    """A spectrum of channels that other users share: what the radar heard there, and its bands.
+
+    Attributes:
+        held: whether each candidate, a band, holds each channel, (candidate, channel) bool.
+        busy: noise from which a channel counts as occupied.
+        noise: from a belief and a number of steps to the noise in each channel in the last steps, the latest first,
+            (env, step, channel); NaN before the first step that was heard.
+        last: from a belief to the band of the last step, (env,) int, or -1.
+        cost: from a belief and the probability that each channel is occupied, (env, channel), to the expected cost of
+            each candidate, (env, candidate).
+    """
+
+    held: Array
+    busy: float
+    noise: Callable[[Any, int], Array]
+    last: Callable[[Any], Array]
+    cost: Callable[[Any, Array], Array]
+
+
+@shortcut("predict", "cost", "candidates")
+def sensed_band(system: Any) -> SensedBand:  # type: ignore[empty-body]
+    """A spectrum of channels that other users share: what the radar heard there, and its bands."""

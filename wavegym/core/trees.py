@@ -1,4 +1,4 @@
-"""Operations on batches of worlds and states: nested NamedTuples of arrays with axis 0 = environment."""
+"""Operations on batches of worlds and states: nested tuples of arrays, with or without names; axis 0 = environment."""
 
 from __future__ import annotations
 
@@ -11,20 +11,25 @@ from wavegym.core.arrays import Array
 
 
 def tree_map(function: Callable[..., Any], *trees: Any) -> Any:
-    """Apply ``function`` to corresponding leaves of NamedTuples of one shape; None stays None."""
+    """Apply ``function`` to corresponding leaves of tuples of one form, with names or without; None stays None."""
     if len(trees) == 1:
         return _each(function, trees[0])
     first = trees[0]
     if isinstance(first, tuple):
-        return type(first)(*(tree_map(function, *leaves) for leaves in zip(*trees, strict=True)))
+        return _like(first, [tree_map(function, *leaves) for leaves in zip(*trees, strict=True)])
     return None if first is None else function(*trees)
 
 
 def _each(function: Callable[[Any], Any], tree: Any) -> Any:
     """``tree_map`` of one tree, faster: planners apply it to thousands of small trees."""
     if isinstance(tree, tuple):
-        return type(tree)(*[_each(function, leaf) for leaf in tree])
+        return _like(tree, [_each(function, leaf) for leaf in tree])
     return None if tree is None else function(tree)
+
+
+def _like(tree: Any, leaves: Sequence[Any]) -> Any:
+    """A tuple of the type of ``tree``: a NamedTuple, or a plain one."""
+    return getattr(tree, "_make", tuple)(leaves)
 
 
 def stack(trees: Sequence[Any]) -> Any:

@@ -53,7 +53,7 @@ LADDER = (
     "best-planner",
 )
 WORLDS = 300
-LONGEST = 100  # greatest horizon for plan-once
+LONGEST = 80  # greatest horizon for plan-once
 
 
 class Kept(NamedTuple):

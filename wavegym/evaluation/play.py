@@ -76,6 +76,8 @@ class Played(NamedTuple):
     nees_sum: Array  # (world, H) NEES summed over the targets present; 0 past an episode's end
     nees_count: Array  # (world, H) int, targets in that sum
     lost: Array  # (world,) targets lost when the episode ended
+    collisions: Array  # (world,) mean number of other users of the band that a step disturbed
+    share: Array  # (world,) mean share of the spectrum that was used
     choice: Array  # (world, H, sensor) int, the waveform transmitted; -1 past an episode's end; no sensor for a box
     options: Array  # (world,) int, waveforms to choose from at each sensor; 0 for a box
     outside: Array  # (world,) share of decisions on observations outside the range of the policy's training
@@ -108,6 +110,8 @@ class EpisodeResults(NamedTuple):
     gospa: Array  # root mean square GOSPA distance over steps, m
     nees: Array  # mean over steps and the targets present
     lost: Array  # targets lost when the episode ended
+    collisions: Array  # mean number of other users of the band that a step disturbed
+    share: Array  # mean share of the spectrum that was used
     outside: Array  # share of decisions on observations outside the range of the policy's training
 
     @property
@@ -205,6 +209,7 @@ class _Recorder:
         self.nees_sums: list[Array] = []
         self.nees_counts: list[Array] = []
         self.lost = np.zeros(count)
+        self.collisions, self.share = _Sum(), _Sum()
         self.sensors = 0 if isinstance(self.actions, ParameterBox) else sensor_count(self.actions)
         self.options = np.full(count, len(waveform_labels(self.actions)))
         self.choices: list[Array] = []
@@ -226,6 +231,8 @@ class _Recorder:
         self.nees_counts.append(counted.sum(axis=1))
         lost, _ = _metric(info, "lost", on)
         self.lost[on] = lost[on].sum(axis=1)
+        self.collisions.add(*_metric(info, "collisions", on), weight)
+        self.share.add(*_metric(info, "share", on), weight)
         if self.sensors:
             self.choices.append(np.where(on[:, None], by_sensor(self.actions, info["waveform"]), -1))
         self.running = on & ~ended
@@ -244,6 +251,8 @@ class _Recorder:
             nees_sum=np.stack(self.nees_sums, axis=1),
             nees_count=np.stack(self.nees_counts, axis=1),
             lost=self.lost,
+            collisions=self.collisions.mean(),
+            share=self.share.mean(),
             choice=np.stack(self.choices, axis=1) if self.sensors else np.zeros((*costs.shape, 0), np.int64),
             options=self.options,
             outside=self.outside / self.steps,

@@ -31,11 +31,11 @@ def summarise(comparison: Comparison) -> dict[str, Any]:
 
         For each policy ``cost`` {mean, ci, iqm, median} of the episodes' mean cost per step; ``vs_myopic`` {percent,
         ci, geometric_percent, geometric_ci}, negative = cheaper than the one-step scheduler; ``score`` (0 = random,
-        1 = myopic); ``truth``, ``nees``, ``true_over_believed``, ``lost``: see ``by_truth`` and ``by_consistency``;
-        ``rmse`` {mean, median, ci} of the position in m, and of several targets ``targets``, the mean of each; with
-        several sensors ``choices``, for each of them the share of every waveform that it transmitted, by label, the
-        commonest first; ``us_per_decision``, microseconds for one decision in batches of worlds, the only figure taken
-        from a clock, so another run does not repeat it. Intervals are [low, high] at 95 %.
+        1 = myopic); ``truth``, ``nees``, ``true_over_believed``, ``lost``, ``collisions``, ``share``: see ``by_truth``
+        and ``by_consistency``; ``rmse`` {mean, median, ci} of the position in m, and of several targets ``targets``,
+        the mean of each; with several sensors ``choices``, for each of them the share of every waveform that it
+        transmitted, by label, the commonest first; ``us_per_decision``, microseconds for one decision in batches of
+        worlds, the only figure taken from a clock, so another run does not repeat it. Intervals: [low, high] at 95 %.
     """
     by_policy = comparison.by_policy()
     return {
@@ -78,7 +78,8 @@ def by_consistency(comparison: Comparison, name: str, rng: np.random.Generator) 
 
     Returns:
         ``nees`` {mean, ci, flag, steps_outside}, see ``consistency`` and ``steps_outside``; ``true_over_believed``
-        {ratio, ci, flag} of the mean squared position errors; ``lost``, targets lost per episode.
+        {ratio, ci, flag} of the mean squared position errors; ``lost``, targets lost per episode; ``collisions`` with
+        other users of the band in a step, and the ``share`` of the spectrum that a step uses.
     """
     results, dimension = comparison.results(name), comparison.task.system.nees_dimension
     found = consistency(results, dimension, rng)
@@ -87,6 +88,8 @@ def by_consistency(comparison: Comparison, name: str, rng: np.random.Generator) 
         "nees": {**named("mean", "ci", found.nees), "flag": found.flag, "steps_outside": outside},
         "true_over_believed": {**named("ratio", "ci", found.true_over_believed), "flag": found.ratio_flag},
         "lost": finite(np.mean(results.lost)),
+        "collisions": finite(np.mean(results.collisions)),
+        "share": finite(np.mean(results.share)),
     }
 
 

@@ -31,6 +31,8 @@ TRUTH = (
     "95 %",
     "RMS error m",
     "lost",
+    "collisions",
+    "spectrum %",
 )
 CONSISTENCY = ("policy", "NEES", "95 %", "steps outside %", "true over believed", "95 %")
 
@@ -148,6 +150,8 @@ def _truth_row(policy: dict[str, Any]) -> list[str]:
         interval(truth["geometric_ci"], signed),
         number(truth["root"]),
         decimal(policy["lost"]),
+        decimal(policy["collisions"]),
+        "" if policy["share"] is None else f"{100.0 * policy['share']:.0f}",
     ]
 
 

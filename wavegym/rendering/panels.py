@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SMALL = 7.5  # font size in points
+ERROR = "tab:blue"
 LINE = 13.0  # pixels between lines of small text
 
 
@@ -49,6 +50,21 @@ def caption(axes: Axes, title: str, x: str = "", y: str = "") -> None:
     axes.xaxis.set_label_coords(0.5, -1.8 * LINE / axes.bbox.height)
     axes.yaxis.set_label_coords(-2.6 * LINE / axes.bbox.width, 0.5)
     axes.tick_params(labelsize=SMALL - 0.5)
+
+
+def draw_range_error(axes: Axes, moment: Moment) -> None:
+    """Error of the range along the line of sight over time, within two standard deviations of the filter."""
+    error = np.array([state.belief.mean[0, 0] - state.truth.targets[0, 0] for state in moment.states])
+    band = 2.0 * np.sqrt([state.belief.covariance[0, 0, 0] for state in moment.states])
+    steps = np.arange(len(error))
+    axes.fill_between(steps, -band, band, color=ERROR, alpha=0.2, linewidth=0)
+    axes.plot(steps, error, color=ERROR, linewidth=1)
+    axes.plot(steps[-1:], error[-1:], "o", color=ERROR, markersize=4)
+    axes.axhline(0.0, color="black", linewidth=0.6)
+    settled = slice(min(len(error) - 1, 2), None)  # the first estimates are far worse than all others
+    reach = 1.3 * max(band[settled].max(), np.abs(error[settled]).max())
+    axes.set_ylim(-reach, reach)
+    caption(axes, f"range: estimated minus true, within the filter's ±2σ = {band[-1]:.3g} m", "step", "error [m]")
 
 
 def few_ticks(axes: Axes, most: int = 4) -> None:

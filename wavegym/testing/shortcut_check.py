@@ -319,6 +319,19 @@ def _resting_cost(system: Any, at: Sample) -> str | None:
     return f"resting_cost() is {got.tolist()}, but a wait costs {want.tolist()}" if off else None
 
 
+def _sensed_band(system: Any, at: Sample) -> str | None:
+    """Shapes, and a clear spectrum costs at most as much as one that is occupied."""
+    band, everything = shortcuts.sensed_band(system), system.candidates()
+    heard, last = band.noise(at.belief, 3), band.last(at.belief)
+    channels = band.held.shape[1]
+    if band.held.shape[0] != len(everything) or heard.shape != (WORLDS, 3, channels) or last.shape != (WORLDS,):
+        return f"held, noise and last have shapes {band.held.shape}, {heard.shape} and {last.shape}"
+    clear, occupied = (band.cost(at.belief, np.full((WORLDS, channels), p)) for p in (0.0, 1.0))
+    if clear.shape != (WORLDS, len(everything)) or (clear > occupied * (1.0 + EXACT)).any():
+        return f"cost() has shape {clear.shape}, or a clear spectrum costs more than an occupied one"
+    return None
+
+
 RULE = DwellRule(ahead=0.5, later=1.0, far=0.25, tentative=1.0, long=0.0, worth=1.0, long_search=0.0, load=0.0)
 
 
@@ -391,5 +404,6 @@ CHECKS: dict[str, Check] = {
     "constants": _constants,
     "named_constants": _named_constants,
     "baselines": _baselines,
+    "sensed_band": _sensed_band,
     "target_of_action": _target_of_action,
 }

@@ -15,7 +15,7 @@ from wavegym.core.policy import Policy
 from wavegym.schedulers import Myopic, RandomChoice, rollout
 from wavegym.schedulers.cycle import best_dwell, setups
 from wavegym.schedulers.heuristics.base import PolicyAsHeuristic, greatest
-from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
+from wavegym.schedulers.heuristics.grids import BAND_RULES, HEURISTICS, TIMELINE
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay, Gain, Greedy, HoldUntilDetected
 from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice, ConstantPace, LagrangianPrice
 from wavegym.schedulers.simple import Cycle
@@ -252,7 +252,9 @@ def test_best_simple_is_the_best_of_all(monkeypatch):
     system = DelaySystem(horizon=6)
     worlds = delay_worlds(system, 8)
     best, constants, costs, searches = best_simple(system, worlds, Search(evaluations=20))
-    assert set(constants) == set(costs) == set(HEURISTICS) - {*TIMELINE, "weighted-myopic"}  # looks have delays
+    assert (
+        set(constants) == set(costs) == set(HEURISTICS) - {*TIMELINE, *BAND_RULES, "weighted-myopic"}
+    )  # looks have delays
     assert {name: found["evaluations"] for name, found in searches.items()} == {
         "clear-slot-price": 20,
         "searched-rule": 20,

@@ -10,6 +10,14 @@ import numpy as np
 
 from wavegym.core.shortcuts import constants
 from wavegym.core.system import System
+from wavegym.schedulers.heuristics.band_rules import (
+    Claim,
+    MultiObjective,
+    SenseAndAvoid,
+    SenseAndHold,
+    Thompson,
+    UpperConfidence,
+)
 from wavegym.schedulers.heuristics.base import Heuristic, PolicyAsHeuristic
 from wavegym.schedulers.heuristics.cma_search import Interval
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay, Gain, Greedy, HoldUntilDetected
@@ -120,6 +128,33 @@ TIMELINE_RULES: tuple[tuple[Any, Grid, Constants], ...] = (
         {"ahead": 0.5, "worth": 1.0, "frame": 0.2},
     ),
 )
+STEPS_HEARD = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
+BAND_RULES: dict[str, TunableHeuristic] = {
+    SenseAndAvoid.name: TunableHeuristic(SenseAndAvoid, {}, {}),
+    SenseAndHold.name: TunableHeuristic(
+        SenseAndHold,
+        {"window": STEPS_HEARD, "keep": tuple(range(8)), "widest": tuple(range(1, 9))},
+        {"window": 2, "keep": 1, "widest": 8},
+        also=({"window": 4, "keep": 0, "widest": 2},),
+    ),
+    Claim.name: TunableHeuristic(
+        Claim,
+        {"width": tuple(range(1, 9)), "patience": (1, 2, 3, 4, 6, 8), "window": STEPS_HEARD},
+        {"width": 2, "patience": 2, "window": 8},
+    ),
+    MultiObjective.name: TunableHeuristic(
+        MultiObjective,
+        {"weight": (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0), "window": STEPS_HEARD},
+        {"weight": 0.5, "window": 1},
+        also=({"weight": 0.7, "window": 12},),
+    ),
+    Thompson.name: TunableHeuristic(Thompson, {"window": STEPS_HEARD}, {"window": 8}),
+    UpperConfidence.name: TunableHeuristic(
+        UpperConfidence,
+        {"window": STEPS_HEARD, "optimism": (0.0, 0.25, 0.5, 1.0, 1.5, 2.0)},
+        {"window": 8, "optimism": 0.5},
+    ),
+}
 SEARCHED_DWELL = {
     "ahead": 0.5,
     "later": 3.0,
@@ -216,6 +251,7 @@ HEURISTICS: dict[str, TunableHeuristic] = {
         also=({**SEARCHED_DWELL, "ahead": 1.0, "worth": 2.0},),
         intervals=SEARCHED_DWELL_INTERVALS,
     ),
+    **BAND_RULES,
     WeightedMyopic.name: TunableHeuristic(WeightedMyopic, {}, {}, worlds=FEW_WORLDS),
     SearchedRule.name: TunableHeuristic(SearchedRule, {}, {}),
 }

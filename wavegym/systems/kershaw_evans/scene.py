@@ -9,7 +9,7 @@ import numpy as np
 from wavegym.core.action_sets import ParameterBox
 from wavegym.core.arrays import Array
 from wavegym.rendering.maps import CROSS, KILO, SIGMAS, TRUTH, draw_pulse, ellipse, fill
-from wavegym.rendering.panels import Moment, caption, few_ticks, legend, steps_along, wipe
+from wavegym.rendering.panels import Moment, caption, draw_range_error, few_ticks, legend, steps_along, wipe
 from wavegym.sensors import range_law_snr
 from wavegym.systems.kershaw_evans.shortcuts import next_pulse
 from wavegym.systems.kershaw_evans.system import MEASURED, KershawEvans
@@ -59,7 +59,7 @@ class LineOfSightScene:
         for axes in (self._sight, self._error, self._ellipses, self._pulse):
             wipe(axes)
         self._draw_line_of_sight(moment)
-        self._draw_range_error(moment)
+        draw_range_error(self._error, moment)
         self._draw_ellipses(moment)
         self._pulse.set_visible(bool(moment.actions))
         if moment.actions:
@@ -78,20 +78,6 @@ class LineOfSightScene:
         eta = 10.0 * np.log10(self._snr(moment))
         where = f"{path[-1]:.2f} km, {now.truth.targets[0, 1]:+.0f} m/s, SNR η = {eta:.1f} dB"
         caption(axes, f"line of sight from the radar ▸ to the true × and estimated ○ target: {where}")
-
-    def _draw_range_error(self, moment: Moment) -> None:
-        axes = self._error
-        error = np.array([state.belief.mean[0, 0] - state.truth.targets[0, 0] for state in moment.states])
-        band = SIGMAS * np.sqrt([state.belief.covariance[0, 0, 0] for state in moment.states])
-        steps = np.arange(len(error))
-        axes.fill_between(steps, -band, band, color=UPDATED, alpha=0.2, linewidth=0)
-        axes.plot(steps, error, color=UPDATED, linewidth=1)
-        axes.plot(steps[-1:], error[-1:], "o", color=UPDATED, markersize=4)
-        axes.axhline(0.0, color=TRUTH, linewidth=0.6)
-        settled = slice(min(len(error) - 1, 2), None)  # the first estimates are far worse than all others
-        reach = 1.3 * max(band[settled].max(), np.abs(error[settled]).max())
-        axes.set_ylim(-reach, reach)
-        caption(axes, f"range: estimated minus true, within the filter's ±2σ = {band[-1]:.3g} m", "step", "error [m]")
 
     def _draw_ellipses(self, moment: Moment) -> None:
         """Predicted, measured with the chosen pulse alone, and updated; and the truth."""
