@@ -224,3 +224,38 @@ def myopic_action(system, state):
     policy = Myopic()
     policy.begin(system, len(state.belief.step), np.random.default_rng(0))
     return policy.act(state.belief, None, None)
+
+
+def test_a_point_of_the_box_is_the_nearest_band():
+    """Every band's own point is that band, and any other point a band whose centre and width are not far."""
+    box, library = SharedSpectrum(action="box"), SharedSpectrum()
+    np.testing.assert_array_equal(box.band_of(box.candidates()), np.arange(36))
+    points = np.random.default_rng(7).uniform(-1.0, 1.0, (500, 2))
+    centre, width = box.actions.decode(points).T
+    band = box.band_of(points)
+    low = box.carrier_hz - 4 * box.channel_width + box.channel_width * box.bands.first[band]
+    assert (abs(box.bands.width[band] * box.channel_width - width) <= 0.5 * box.channel_width + 1e-3).all()
+    moved = abs(low + 0.5 * box.channel_width * box.bands.width[band] - centre)
+    room = 4 * box.channel_width - 0.5 * box.channel_width * box.bands.width[band]  # of the centre at this width
+    beyond = np.maximum(abs(centre - box.carrier_hz) - room, 0.0)
+    assert (moved <= beyond + 0.5 * box.channel_width + 1e-3).all()
+    worlds = oracles.worlds(library, 30)
+    one, two = library.initial(worlds), box.initial(worlds)
+    for action in np.random.default_rng(8).integers(36, size=(5, 30)):
+        one, two = library.transition(one, action, worlds), box.transition(two, box.candidates()[action], worlds)
+    np.testing.assert_array_equal(one.belief.covariance, two.belief.covariance)
+    np.testing.assert_array_equal(
+        library.cost(library.predict(one.belief, np.arange(36)[None])),
+        box.cost(box.predict(two.belief, box.candidates()[None])),
+    )
+
+
+def test_rules_and_privileged_opponents_play_in_the_box():
+    policies = {"sense-and-avoid": None, "claim": None, "informed": Informed()}
+    logs = [
+        np.log(compare("SharedSpectrum-v0", policies, worlds=10, jobs=1, progress=False, action=form).cost(name))
+        for name in ("sense-and-avoid", "informed")
+        for form in ("library", "box")
+    ]
+    np.testing.assert_array_equal(logs[0], logs[1])
+    np.testing.assert_array_equal(logs[2], logs[3])

@@ -35,11 +35,12 @@ class Clairvoyant:
     def act(self, belief: Belief, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``. After the end of an episode the action is arbitrary."""
         step = np.minimum(belief.step, self._system.horizon - 1)
-        action: Array = self.costs(belief, step).argmin(axis=1)
+        band = self.costs(belief, step).argmin(axis=1)
         moved = self._system.move(self._truth, step, self._world)
-        first = self._system.bands.first[action]
-        taken = np.stack([first, first + self._system.bands.width[action]], axis=1)
+        first = self._system.bands.first[band]
+        taken = np.stack([first, first + self._system.bands.width[band]], axis=1)
         self._truth = moved._replace(taken=taken)
+        action: Array = self._system.candidates()[band]
         return action
 
     def costs(self, belief: Belief, step: Array) -> Array:

@@ -21,7 +21,7 @@ def fused_transition(system: SharedSpectrum, state: State, action: Array, world:
     """One step in compiled form."""
     if system._own:
         return system.composed_transition(state, action, world)
-    truth, belief = state
+    (truth, belief), action = state, system.band_of(action)
     count = len(belief.step)
     targets, places, taken = np.empty_like(truth.targets), np.empty_like(truth.places), np.empty_like(truth.taken)
     noise, collisions = np.empty_like(truth.noise), np.empty_like(truth.collisions)
@@ -40,7 +40,7 @@ def fused_transition(system: SharedSpectrum, state: State, action: Array, world:
 @shortcuts.best_action.register(SharedSpectrum)
 def best_action(system: SharedSpectrum, belief: Belief) -> Array:
     """The band of least expected cost under the predicted occupancy, without the beliefs after it."""
-    return least_cost(system, belief, system.occupancy(belief), belief.level).argmin(axis=1)
+    return system.candidates()[least_cost(system, belief, system.occupancy(belief), belief.level).argmin(axis=1)]
 
 
 def least_cost(
@@ -111,7 +111,7 @@ def measured_fields(system: SharedSpectrum) -> MeasuredFields:
 @shortcuts.named_constants.register(SharedSpectrum)
 def named_constants(system: SharedSpectrum) -> dict[str, Array]:
     """The whole spectrum."""
-    return {"full-band": np.asarray(system.bands.width.argmax())}
+    return {"full-band": np.asarray(system.candidates()[system.bands.width.argmax()])}
 
 
 @shortcuts.baselines.register(SharedSpectrum)

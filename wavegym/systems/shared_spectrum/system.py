@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from wavegym.core.action_sets import Library
+from wavegym.core.action_sets import Library, Parameter, ParameterBox
 from wavegym.core.arrays import Array
 from wavegym.core.covariances import trace_cost
 from wavegym.core.errors import InputError, check_ordered, check_positive
@@ -93,6 +93,9 @@ class SharedSpectrum(System, TimedPulses):
     fluctuation: Fluctuation = parameter(
         "swerling1", "fluctuation of the echo from train to train", unit="", truth=True
     )
+    action: Literal["library", "box"] = parameter(
+        "library", "an index, or a point of a box of centre and width, which stands for the nearest band", unit=""
+    )
     receiver: Receiver = parameter(
         "matched", "filter matched to the pulse, or one that whitens the noise in the band", unit=""
     )
@@ -173,11 +176,45 @@ class SharedSpectrum(System, TimedPulses):
         return contiguous_bands(self.channels)
 
     @cached_property
-    def actions(self) -> Library:
-        """Every contiguous band, by its lowest channel and width."""
+    def actions(self) -> Library | ParameterBox:
+        """Every contiguous band, by its lowest channel and width; or centre and width."""
         low = self.carrier_hz + self.channel_width * (self.bands.first - 0.5 * self.channels)
         high = low + self.channel_width * self.bands.width
+        if self.action == "box":
+            widest = self.channels * self.channel_width
+            return ParameterBox(
+                (
+                    Parameter("centre", "Hz", low.min(), high.max(), "linear"),
+                    Parameter("width", "Hz", 0.5 * self.channel_width, widest + 0.5 * self.channel_width, "linear"),
+                )
+            )
         return Library(tuple(f"{a / 1e6:g} to {b / 1e6:g} MHz" for a, b in zip(low, high, strict=True)))
+
+    def candidates(self) -> Array:
+        """Every band: indices (band,), or their points of the box (band, 2)."""
+        if not isinstance(self.actions, ParameterBox):
+            return np.arange(len(self.bands.width))
+        centre = self.bands.first + 0.5 * self.bands.width - 0.5 * self.channels
+        hertz = self.carrier_hz + self.channel_width * centre, self.channel_width * self.bands.width
+        return self.actions.encode(np.stack(hertz, axis=1))
+
+    def band_of(self, action: Array) -> Array:
+        """The index (...) of the band that an action, an index (...) or a point of the box (..., 2), stands for."""
+        if not isinstance(self.actions, ParameterBox):
+            return action
+        centre, hertz = np.moveaxis(self.actions.decode(action), -1, 0)
+        width = np.clip(np.rint(hertz / self.channel_width), 1, self.channels).astype(np.int64)
+        middle = (centre - self.carrier_hz) / self.channel_width + 0.5 * self.channels
+        first = np.clip(np.rint(middle - 0.5 * width), 0, self.channels - width).astype(np.int64)
+        index: Array = self._places[first, width]
+        return index
+
+    @cached_property
+    def _places(self) -> Array:
+        """The index of the band by its lowest channel and width."""
+        places = np.zeros((self.channels, self.channels + 1), np.int64)
+        places[self.bands.first, self.bands.width] = np.arange(len(self.bands.width))
+        return places
 
     @cached_property
     def timings(self) -> dict[str, PulseTiming]:
@@ -306,22 +343,22 @@ class SharedSpectrum(System, TimedPulses):
 
     def measure(self, truth: Truth, belief: Belief, action: Array, world: World) -> Measurements:
         """The echo of the train at the true range and noise, and the noise measured in its gaps."""
-        count = len(belief.step)
+        count, band = len(belief.step), self.band_of(action)
         present, z, noise = np.empty(count, np.bool_), np.empty((count, 2)), np.empty_like(truth.noise)
         kernels.receive(
-            belief.step, truth.targets, truth.noise, action, world.key, world.normal, world.sensing, self.history,
+            belief.step, truth.targets, truth.noise, band, world.key, world.normal, world.sensing, self.history,
             self.truth_model._radar, self._band, present, z, noise,
         )  # fmt: skip
-        return Measurements(present, z, noise, np.array(action))
+        return Measurements(present, z, noise, np.array(band))
 
     def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
         """One step of the Kalman filter with the measured noise."""
         mean, covariance = np.empty_like(belief.mean), np.empty_like(belief.covariance)
-        present, z, noise, _ = measurements
+        present, z, noise, band = measurements
         kernels.filtered(
-            belief.mean, belief.covariance, present, z, noise, action, self._radar, self._band, mean, covariance
+            belief.mean, belief.covariance, present, z, noise, band, self._radar, self._band, mean, covariance
         )
-        after = self._remembered(belief, noise, action)
+        after = self._remembered(belief, noise, band)
         return after._replace(step=belief.step + 1, mean=mean, covariance=covariance)
 
     def annotate(self, truth: Truth, measurements: Measurements) -> Truth:
@@ -343,7 +380,8 @@ class SharedSpectrum(System, TimedPulses):
 
     def predict(self, belief: Belief, actions: Array, outcome: Array | None = None) -> Belief:
         """The belief after one band: the expectation over ``occupancy`` and the detection, or the drawn ones."""
-        several = actions if actions.ndim == 2 else actions[:, None]
+        bands = self.band_of(actions)
+        several = bands if bands.ndim == 2 else bands[:, None]
         shape = len(belief.step), several.shape[1]
         x, P, noise = np.empty((*shape, 2)), np.empty((*shape, 2, 2)), np.empty((*shape, self.channels))
         several, probability = np.broadcast_to(several, shape), self.occupancy(belief)
@@ -358,7 +396,7 @@ class SharedSpectrum(System, TimedPulses):
         after = self._after(belief, x, P, noise, several)
         if outcome is None:
             after = after._replace(struck=(probability[:, None] * self.held[several]).sum(axis=2))
-        return after if actions.ndim == 2 else Belief(*(each[:, 0] for each in after))
+        return after if bands.ndim == 2 else Belief(*(each[:, 0] for each in after))
 
     @cached_property
     def held(self) -> Array:
