@@ -33,7 +33,7 @@ def test_scenarios_and_prices_become_tables_and_a_picture(tmp_path, monkeypatch,
     assert policies["fixed:full-band"]["share"] == 1.0
     assert policies["sense-and-avoid"]["belief"]["percent"] == 0.0
     assert page.partition("### A price")[2].count("`myopic`") == 2
-    assert "| `informed` | all" in shared_band.README.read_text()
+    assert re.search(r"^\| `informed` \| +all \|", shared_band.README.read_text(), re.MULTILINE)
     assert shared_band.PICTURE.read_bytes().startswith(b"\x89PNG")
 
 

@@ -15,7 +15,7 @@ from wavegym.evaluation import planner_sweep, tune_constants
 from wavegym.evaluation.play import Task
 from wavegym.registration import SYSTEMS
 from wavegym.schedulers import rollout, tuned_constants
-from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
+from wavegym.schedulers.heuristics.grids import BAND_RULES, HEURISTICS, TIMELINE
 from wavegym.schedulers.heuristics.index_policies import AwareGreedy, CostOfDelay
 from wavegym.schedulers.heuristics.price_policies import AdaptiveLagrangianPrice
 from wavegym.schedulers.heuristics.rule_features import RuleFeatures
@@ -172,7 +172,7 @@ def test_the_command_searches_named_heuristics_alone_and_keeps_the_planner_as_me
     slow = {
         name: dict(HEURISTICS[name].start)
         for name in HEURISTICS
-        if HEURISTICS[name].grid and name not in ("aware-greedy", *TIMELINE)
+        if HEURISTICS[name].grid and name not in ("aware-greedy", *BAND_RULES, *TIMELINE)
     }
     out.write_text(tuned_constants.as_toml({key: {**before, **slow, "cycle": {"actions": [0, 2]}}}))
     few = ["--worlds", "8", "--search-worlds", "8", "--evaluations", "20"]
