@@ -42,17 +42,20 @@ def errors(system, band, eta, delay):
     return to @ np.diag([uncoupled, doppler]) @ to.T
 
 
-@pytest.mark.parametrize("receiver", ["matched", "whitening"])
-def test_a_step_is_the_filter_of_the_textbook_with_the_errors_of_the_law(receiver):
-    """The belief after a step, from the measured noise, by filterpy's Kalman filter."""
-    system = SharedSpectrum(receiver=receiver, sensing=0.0)
+@pytest.mark.parametrize(("receiver", "sensing"), [("matched", 0.0), ("matched", 3.0), ("whitening", 0.0)])
+def test_a_step_is_the_filter_of_the_textbook_with_the_errors_of_the_law(receiver, sensing):
+    """The belief after a step, from the mean noise given the measured one, by filterpy's Kalman filter."""
+    system = SharedSpectrum(receiver=receiver, sensing=sensing)
     state, worlds = played(system)
     action = np.random.default_rng(1).integers(36, size=60)
     moved = system.move(state.truth, state.belief.step, worlds)
     seen = system.measure(moved, state.belief, action, worlds)
     after = system.track(state.belief, action, seen)
-    np.testing.assert_allclose(seen.noise, moved.noise)
-    gains, delays = noise_factors(seen.noise, contiguous_bands(8), receiver)
+    if not sensing:
+        np.testing.assert_allclose(seen.noise, moved.noise)
+    deviation = 0.1 * math.log(10.0) * sensing  # of the logarithm of the measured noise
+    mean = np.where(seen.noise < math.exp(2.0 * deviation), 1.0, seen.noise * math.exp(0.5 * deviation**2))
+    gains, delays = noise_factors(mean, contiguous_bands(8), receiver)
     law = echo_law((system.false_alarm,), system.fluctuation, 2, cells=system.cells)
     for e in range(60):
         kf = KalmanFilter(dim_x=2, dim_z=2)
