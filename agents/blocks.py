@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,12 @@ def renew(file: Path, start: str, end: str, text: str) -> None:
     """Put ``text`` between the markers of the page in ``file``; see ``renewed``."""
     page = renewed(file.read_text(encoding="utf-8"), start, end, text)
     write_whole(file.parent, {file.name: page.encode()})
+
+
+def read_results(file: Path) -> dict[str, Any]:
+    """The content of a JSON file of results, {} where there is none."""
+    found: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.exists() else {}
+    return found
 
 
 def both(belief: str, truth: str) -> str:

@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
+from agents.blocks import read_results
 from agents.dwell_bound import Relaxation
 from agents.leaderboard import ROOT
-from agents.loads_page import AGENT, BASE, FOLDER, LOADS, SIMPLE, read_results, renew
+from agents.loads_page import AGENT, BASE, FOLDER, LOADS, SIMPLE, renew
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.files import write_whole

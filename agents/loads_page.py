@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from agents import blocks
+from agents.blocks import read_results
 from agents.leaderboard import ROOT
 from wavegym.core.arrays import Array
 from wavegym.core.files import write_whole
@@ -180,8 +180,3 @@ def _against_load(axes: Axes, results: list[dict[str, Any]], half: str) -> None:
 def _bars(estimates: list[dict[str, Any]]) -> Array:
     """Lengths of error bars below and above, (2, n)."""
     return np.array([[each["value"] - each["ci"][0], each["ci"][1] - each["value"]] for each in estimates]).T
-
-
-def read_results(file: Path) -> dict[str, Any]:
-    """The content of a file, {} where there is none."""
-    return json.loads(file.read_text("utf-8")) if file.exists() else {}

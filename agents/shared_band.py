@@ -44,10 +44,12 @@ START, END = "<!-- made by `python -m agents.shared_band`: -->", "<!-- shared ba
 WORLDS, SEED = 300, 0
 REFERENCE, AGENT = "sense-and-avoid", "ppo"
 RULES = (
-    "random", "best-fixed", "fixed:full-band", REFERENCE, "sense-and-hold", "claim", "multi-objective-sensing",
+    "random", "fixed:full-band", REFERENCE, "sense-and-hold", "claim", "multi-objective-sensing",
     "thompson", "ucb", "searched-rule", "myopic",
 )  # fmt: skip
-PREDICTORS = ("myopic:counts", "myopic:reactions", "myopic:lags", "myopic:users", "myopic:context-tree")
+FOUND_ANEW = (  # the best band of each scenario, and predictors, which have no constants of a scenario
+    "best-fixed", "myopic:counts", "myopic:reactions", "myopic:lags", "myopic:users", "myopic:context-tree",
+)  # fmt: skip
 KNOWING = {"informed": Informed, "clairvoyant": Clairvoyant}
 SCENARIOS: dict[str, dict[str, Any]] = {
     "mixture": {},
@@ -90,26 +92,21 @@ FARTHEST_SHOWN = 1.6  # costs over that of the reference, in the picture
 def scenario(name: str, jobs: int) -> dict[str, Any]:
     """The figures of every policy in one scenario."""
     default, parameters = make_task(ENV_ID, {}).system, SCENARIOS[name]
-    policies: dict[str, Any] = {rule: make_policy(rule, default, None) for rule in RULES if not _tuned_here(rule)}
-    policies |= {rule: None for rule in (*filter(_tuned_here, RULES), *PREDICTORS)}
+    policies: dict[str, Any] = {rule: make_policy(rule, default, None) for rule in RULES}
+    policies |= dict.fromkeys(FOUND_ANEW)
     policies |= {kind: make() for kind, make in KNOWING.items()} | saved(ENV_ID)
     found = compare(ENV_ID, policies, worlds=WORLDS, seed=SEED, jobs=jobs, keep=FOLDER, **parameters)
     rows = {policy: figures(found, policy, REFERENCE) for policy in found.played}
     result: dict[str, Any] = {"worlds": WORLDS, "policies": rows}
     if AGENT in found.played:
         for policy, row in ((each, row) for each, row in rows.items() if each != AGENT):
-            row["agent"] = {half: figures(found, AGENT, policy)[half] for half in ("belief", "truth")}
+            row["agent"] = against(found, AGENT, policy)
     if name in BOUNDED:
         system: Any = found.task.system
         least = bound(system, draw_worlds(system, found.seeds))
-        against = statistics.difference(least[None], found.results(REFERENCE).cost, np.random.default_rng(SEED))
-        result["bound"] = {"cost": float(least.mean()), **named("percent", "ci", against.geometric)}
+        gap = statistics.difference(least[None], found.results(REFERENCE).cost, np.random.default_rng(SEED))
+        result["bound"] = {"cost": float(least.mean()), **named("percent", "ci", gap.geometric)}
     return result
-
-
-def _tuned_here(rule: str) -> bool:
-    """Whether a rule has no record of the default scenario: the best fixed band is found for each."""
-    return rule == "best-fixed"
 
 
 def priced(jobs: int) -> dict[str, Any]:
@@ -146,20 +143,22 @@ def bound(system: SharedSpectrum, worlds: Any) -> Array:
     return found.lower_bound / system.horizon
 
 
-def figures(found: Comparison, policy: str, reference: str) -> dict[str, Any]:
-    """Cost and error by truth, each against the reference, and what others suffer, as plain types."""
+def against(found: Comparison, policy: str, reference: str) -> dict[str, Any]:
+    """Cost by ``belief`` and squared error by ``truth`` against the reference, as plain types."""
     rng = np.random.default_rng([found.seed, word("bootstrap")])
     own, other = found.results(policy), found.results(reference)
-    against = {
-        half: statistics.difference(values, others, rng).geometric
-        for half, values, others in (
-            ("belief", own.cost, other.cost),
-            ("truth", own.squared_error, other.squared_error),
-        )
+    pairs = {"belief": (own.cost, other.cost), "truth": (own.squared_error, other.squared_error)}
+    return {
+        half: named("percent", "ci", statistics.difference(*values, rng).geometric) for half, values in pairs.items()
     }
+
+
+def figures(found: Comparison, policy: str, reference: str) -> dict[str, Any]:
+    """Cost and error by truth, each against the reference, and what others suffer, as plain types."""
+    own = found.results(policy)
     return {
         "cost": float(own.cost.mean()),
-        **{half: named("percent", "ci", estimate) for half, estimate in against.items()},
+        **against(found, policy, reference),
         "nees": float(own.nees.mean()),
         "collisions": float(own.collisions.mean()),
         "share": float(own.share.mean()),
@@ -169,9 +168,7 @@ def figures(found: Comparison, policy: str, reference: str) -> dict[str, Any]:
 
 def read(name: str, folder: Path = FOLDER) -> dict[str, Any]:
     """The results of a scenario, or {}."""
-    file = folder / f"{name}.json"
-    found: dict[str, Any] = json.loads(file.read_text("utf-8")) if file.exists() else {}
-    return found
+    return blocks.read_results(folder / f"{name}.json")
 
 
 def scenario_table(found: Mapping[str, Any]) -> str:

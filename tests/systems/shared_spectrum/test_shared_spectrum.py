@@ -186,6 +186,7 @@ def test_the_tracker_is_consistent_under_every_policy(parameters):
         assert abs(results.nees.mean() - 2.0) < (0.2 if "sensing" in parameters else 0.1) + error
 
 
+@pytest.mark.slow
 def test_more_knowledge_costs_less():
     """With users that never react: the next train's noise, its distribution, Markov chains, nothing."""
     policies = {"clairvoyant": Clairvoyant(), "informed": Informed(), "myopic": None, "random": None}
@@ -253,12 +254,12 @@ def test_a_point_of_the_box_is_the_nearest_band():
     )
 
 
+@pytest.mark.slow
 def test_rules_and_privileged_opponents_play_in_the_box():
     policies = {"sense-and-avoid": None, "claim": None, "informed": Informed()}
-    logs = [
-        np.log(compare("SharedSpectrum-v0", policies, worlds=10, jobs=1, progress=False, action=form).cost(name))
-        for name in ("sense-and-avoid", "informed")
+    library, box = (
+        compare("SharedSpectrum-v0", policies, worlds=10, jobs=1, progress=False, action=form)
         for form in ("library", "box")
-    ]
-    np.testing.assert_array_equal(logs[0], logs[1])
-    np.testing.assert_array_equal(logs[2], logs[3])
+    )
+    for name in ("sense-and-avoid", "informed"):
+        np.testing.assert_array_equal(library.cost(name), box.cost(name))

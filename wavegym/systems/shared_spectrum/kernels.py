@@ -17,6 +17,7 @@ from wavegym.systems.shared_spectrum.user_kernels import NOISE, OFF, PLACE, WIDT
 
 CHOICES, ECHOES, OWN = range(3)  # keys of a world
 BUSY = 10  # half decibels over the receiver's noise from which a channel counts as occupied
+BUSY_NOISE = 10.0 ** (0.05 * BUSY)  # the same in units of that noise
 RECENT = 0.2  # weight of the last step in the mean noise of an occupied channel
 
 

@@ -10,7 +10,7 @@ from wavegym.core import trees
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.system import System
-from wavegym.systems.shared_spectrum.kernels import BUSY
+from wavegym.systems.shared_spectrum.kernels import BUSY_NOISE
 from wavegym.systems.shared_spectrum.shortcuts import least_cost
 from wavegym.systems.shared_spectrum.state import Belief, Truth
 from wavegym.systems.shared_spectrum.system import SharedSpectrum
@@ -49,7 +49,7 @@ class Clairvoyant:
 
     def known_costs(self, belief: Belief, noise: Array) -> Array:
         """Expected cost of each band in this noise (env, channel), (env, band)."""
-        occupied = (noise >= 10.0 ** (0.05 * BUSY)).astype(np.float64)
+        occupied = (noise >= BUSY_NOISE).astype(np.float64)
         return least_cost(self._system, belief, np.ones_like(noise), noise, occupied)
 
 

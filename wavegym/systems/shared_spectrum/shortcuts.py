@@ -79,7 +79,7 @@ def sensed_band(system: SharedSpectrum) -> SensedBand:
     def cost(belief: Belief, probability: Array) -> Array:
         return least_cost(system, belief, probability, belief.level)
 
-    return SensedBand(system.held, 10.0 ** (0.05 * kernels.BUSY), noise, last, cost)
+    return SensedBand(system.held, kernels.BUSY_NOISE, noise, last, cost)
 
 
 @shortcuts.measured_fields.register(SharedSpectrum)

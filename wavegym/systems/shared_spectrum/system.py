@@ -113,7 +113,11 @@ class SharedSpectrum(System, TimedPulses):
         (0.3, 1.0), "bounds of the share of a train in which a user transmits", truth=True
     )
     takeover: float = parameter(
-        0.03, "probability of a step that another user of its kind takes a user's place", truth=True, ge=0, le=1
+        0.03,
+        "probability per step that a user begins anew: elsewhere, with another stride or pattern",
+        truth=True,
+        ge=0,
+        le=1,
     )
     spill: float = parameter(
         40.0, "attenuation of a user in the two channels beside its own", unit="dB", truth=True, ge=0

@@ -22,6 +22,7 @@ LEAVE, COME = 3, 4  # probabilities: a burst ends, or a listening user leaves; a
 PERIOD, PATTERN = 5, 6  # steps after which a hopping user repeats its pattern, and the pattern's number
 # Columns of ``places`` (e, u, 4): where a user is, its own channel, channels a step, steps in its pattern.
 PLACE, HOME, STRIDE, PHASE = range(4)
+STRIDES = -3, -2, -1, 1, 2, 3  # of a stepped user
 QUIET = 2.0  # noise below which a listening user hears nobody
 
 
@@ -36,9 +37,9 @@ def advance_user(e, u, users, now, taken, heard, key, takeover, out):
     kind, width = int(users[e, u, KIND]), int(users[e, u, WIDTH])
     room = channels - width + 1
     place, home, stride, phase = now[e, u, PLACE], now[e, u, HOME], now[e, u, STRIDE], now[e, u, PHASE]
-    if uniform(key, TAKE_OVER) < takeover:  # another user of this kind takes its place
+    if uniform(key, TAKE_OVER) < takeover:  # it begins anew elsewhere
         home = int(uniform(key, PLACE_OF_NEXT) * room)
-        stride = stride_of(uniform(key, STRIDE_OF_NEXT))
+        stride = STRIDES[int(uniform(key, STRIDE_OF_NEXT) * len(STRIDES))]
         phase = int(uniform(key, STRIDE_OF_NEXT) * 1024)
         place = OFF if kind == BURSTS and place == OFF else home
     if kind == STATIC:
@@ -87,10 +88,3 @@ def free_place(width, room, taken, heard, draw):
                 return place
             left -= 1
     return OFF
-
-
-@inlined
-def stride_of(draw):
-    """-3, -2, -1, 1, 2 or 3."""
-    n = int(draw * 6)
-    return n - 3 if n < 3 else n - 2

@@ -8,7 +8,7 @@ import numpy as np
 
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice
-from wavegym.systems.shared_spectrum.user_kernels import BURSTS, HOPPING, LISTENING, OFF, STATIC, STEPPED
+from wavegym.systems.shared_spectrum.user_kernels import BURSTS, HOPPING, LISTENING, OFF, STATIC, STEPPED, STRIDES
 
 
 class Kind(NamedTuple):
@@ -96,8 +96,7 @@ def drawn_users(
     period = low + (uniform[..., 6] * (high - low + 1)).astype(np.int64)
     code = np.broadcast_to(np.array([kind.code for kind in kinds], np.int64), width.shape)
     pattern = np.floor(uniform[..., 7] * 2.0**53)
-    strides = (6 * uniform[..., 8]).astype(np.int64)
-    stride = np.where(strides < 3, strides - 3, strides - 2)
+    stride = np.array(STRIDES)[(len(STRIDES) * uniform[..., 8]).astype(np.int64)]
     place = np.where(code == BURSTS, OFF, home)
     users = np.stack([code, width, power, leave, come, period, pattern], axis=-1).astype(np.float64)
     return users, np.stack([place, home, stride, np.zeros_like(home)], axis=-1)
