@@ -48,7 +48,7 @@ RULES = (
     "thompson", "ucb", "searched-rule", "myopic",
 )  # fmt: skip
 FOUND_ANEW = (  # the best band of each scenario, and predictors, which have no constants of a scenario
-    "best-fixed", "myopic:counts", "myopic:reactions", "myopic:lags", "myopic:users", "myopic:context-tree",
+    "best-fixed", "myopic:counts", "myopic:reactions", "myopic:lags", "myopic:stepped", "myopic:context-tree",
 )  # fmt: skip
 KNOWING = {"informed": Informed, "clairvoyant": Clairvoyant}
 SCENARIOS: dict[str, dict[str, Any]] = {
@@ -67,7 +67,7 @@ ABOUT = {
     "reactive": "four listening users",
     "hoppers": "two stepped users and one that hops",
     "patterns-and-reactions": "one stepped user, one that hops, two that listen",
-    "eight-users": "more users than free channels in most steps",
+    "eight-users": "more users than free channels",
     "drift": "a user begins anew in a tenth of its steps",
     "late-and-noisy": "noise is measured to 3 dB and known one step late",
     "short-train": "12 pulses in place of 50",
@@ -79,7 +79,8 @@ PRICES = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0, 10.0)  # m^2 for each occupied channel
 FRONT = {  # policies of README, and what they know
     "sense-and-avoid": "the last step: the widest clear band",
     "myopic": "Markov chains, counted in the episode",
-    "myopic:lags": "the best predictor: a mixture of periods",
+    "myopic:lags": "the last 10 steps of each channel",
+    "myopic:stepped": "the same, and how stepped users move",
     "dqn": "rewards alone",
     "ppo": "rewards alone",
     "informed": "all users, but not their next choices",
@@ -173,8 +174,8 @@ def read(name: str, folder: Path = FOLDER) -> dict[str, Any]:
 
 def scenario_table(found: Mapping[str, Any]) -> str:
     """A line for each policy, the cheapest first."""
-    head = ["policy", "mean cost", "cost %", "95 %", "squared error %", "95 %", "PPO against it %", "95 %",
-            "by truth %", "95 %", "NEES", "collisions", "share %", "us"]  # fmt: skip
+    head = ["policy", "mean cost m²", "cost %", "95 %", "squared error %", "95 %", "PPO against it %", "95 %",
+            "by truth %", "95 %", "NEES", "collisions", "share %", "µs"]  # fmt: skip
     rows = []
     policies = found["policies"]
     for name in sorted(policies, key=lambda name: policies[name]["belief"]["percent"]):
@@ -206,13 +207,14 @@ def price_table(found: Mapping[str, Any]) -> str:
 
 def page(folder: Path = FOLDER) -> str:
     """The generated part of the page."""
-    parts = [
-        f"### {name}\n\n{ABOUT[name][0].upper()}{ABOUT[name][1:]}; {found['worlds']} worlds.\n\n{scenario_table(found)}"
-        for name in SCENARIOS
-        if (found := read(name, folder))
-    ]
+    parts = []
+    for name, parameters in SCENARIOS.items():
+        if found := read(name, folder):
+            given = ", ".join(f"{parameter}={value!r}" for parameter, value in parameters.items())
+            about = f"{ABOUT[name]}{f' (`{given}`)' if given else ''}; {found['worlds']} worlds."
+            parts.append(f"### {name}\n\n{about[0].upper()}{about[1:]}\n\n{scenario_table(found)}")
     if found := read("price", folder):
-        parts.append(f"### A price on collisions\n\nIn the mixture; {WORLDS} worlds.\n\n{price_table(found)}")
+        parts.append(f"### A price on occupied channels\n\nIn the mixture; {WORLDS} worlds.\n\n{price_table(found)}")
     return "\n\n".join(parts)
 
 
@@ -242,7 +244,7 @@ def picture(results: Mapping[str, Mapping[str, Any]]) -> bytes:
 
 def front(found: Mapping[str, Any]) -> str:
     """README's table: what rewards alone teach, between the rules and an opponent that knows the users."""
-    head = ["policy", "what it knows", "cost %", "95 %", "true squared error %", "95 %"]
+    head = ["policy", "what it knows", "cost %", "95 %", "true squared error of range %", "95 %"]
     rows = []
     for name, knows in FRONT.items():
         policy = found["policies"][name]

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import re
+from functools import partial
 
 import pytest
 
-from agents import shared_band, stock_learner
+from agents import history_lengths, shared_band, stock_learner
 from agents.leaderboard import ROOT
+from wavegym.learning.settings import load_settings
 
 
 @pytest.mark.slow
@@ -70,3 +72,21 @@ def test_the_table_of_a_stock_learner_is_the_geometric_mean_of_its_seeds():
     rows = [[0.0, 100_352.0, 100.0, 0.0, 0.0], [1.0, 100_352.0, -50.0, 0.0, 0.0]]
     (line,) = stock_learner.table(rows).splitlines()[2:]
     assert [cell.strip() for cell in line.split("|")[1:4]] == ["100000", "+100.0, -50.0", "0"]
+
+
+@pytest.mark.slow
+def test_agents_of_each_history_are_trained_once_and_meet_opponents_in_their_own_worlds(tmp_path, monkeypatch):
+    for name, value in {"FILE": tmp_path / "history.json", "PAGE": tmp_path / "page.md", "WORLDS": 3,
+                        "LENGTHS": (4, 16), "SEEDS": (5,)}.items():  # fmt: skip
+        monkeypatch.setattr(history_lengths, name, value)
+    short = partial(load_settings, chosen={"steps": 6400})
+    monkeypatch.setattr(history_lengths, "load_settings", short)
+    history_lengths.PAGE.write_text(f"{history_lengths.START}\n{history_lengths.END}\n")
+    history_lengths.main(["--runs", str(tmp_path / "runs")])
+    run = json.loads((tmp_path / "runs" / "4" / "5" / "run.json").read_text())
+    assert run["settings"]["environment"]["history"] == 4
+    first, second = history_lengths.PAGE.read_text().splitlines()[4:6]
+    untrained, saved = (float(line.split("|")[2]) for line in (first, second))
+    assert untrained > 0.0 > saved  # against sense-and-avoid
+    monkeypatch.setattr(history_lengths, "train", None)  # not called again
+    history_lengths.main(["--runs", str(tmp_path / "runs")])

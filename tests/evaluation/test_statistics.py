@@ -123,6 +123,11 @@ def test_the_geometric_difference_does_not_care_how_costly_a_world_is():
     assert plain.ci == pytest.approx(scaled.ci, rel=1e-9)
 
 
+def test_training_runs_are_level_with_themselves():
+    costs = np.random.default_rng(5).lognormal(0, 1, (3, 50))
+    assert statistics.difference(costs, costs, rng()).geometric.value == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_spread_between_training_runs_widens_the_interval():
     data = np.random.default_rng(6)
     baseline = data.lognormal(0, 0.5, (1, 200))

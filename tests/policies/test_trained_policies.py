@@ -132,7 +132,7 @@ def test_a_folder_of_runs_gives_all_in_order(unbroken: dict[str, Path], tmp_path
         (
             ID,
             {"model": "ca", "weights": (1, 0, 0), "prior_variance": (1, 1, 1)},
-            "correlation_rdot_r, .*but this .*rddot",
+            "correlation_rdot_r., not .*rddot",
         ),
         (ID, {"durations": (1e-5, 2e-5)}, r"among actions 56 \(library, .*offers 14 \(library"),
         (ID, {"sweeps": (0.0, 1e5, -1e5, 3e5, -3e5, 2e6, -2e6)}, r"among actions 56 \(library, .*offers 56 \(library"),
@@ -221,7 +221,7 @@ def test_another_scaling_of_the_observation_is_refused(unbroken: dict[str, Path]
     run = json.loads((folder / "run.json").read_text())
     run["scaling"][0] = [0.0, 1.0]
     (folder / "run.json").write_text(json.dumps(run))
-    with pytest.raises(InputError, match="scales its observation"):
+    with pytest.raises(InputError, match="has centre and scale"):
         load_policy(folder, ID, SYSTEM)
 
 

@@ -320,6 +320,8 @@ def test_many_reference_cells_are_a_known_noise():
     np.testing.assert_allclose(*found, atol=0.05)
     with pytest.raises(InputError, match=r"cells is 65, expected .*nearest: 64"):
         echo_law((1e-3,), cells=65)
+    with pytest.raises(InputError, match=r"cells is 5, expected more cells, .* of 1e-300 \(nearest: 0\)"):
+        echo_law((1e-300,), cells=5)
 
 
 def test_beyond_the_tables():

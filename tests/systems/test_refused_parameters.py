@@ -93,6 +93,8 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"receiver": "matchd"}, "did you mean 'matched'"),
         ({"weights": (0.0, 0.0)}, "sum of weights is 0.0"),
         ({"cells": 65}, "cells is 65"),
+        ({"cells": 2}, r"cells is 2, expected more cells, .* of 0\.0001 \(nearest: 3\)"),
+        ({"sensing": 5.0}, r"sensing is 5.0 dB, expected a finite number <= 4"),
         ({"truth": {"users": ("static",)}}, "truth has 'users', expected one of reference_range"),
     ],
     "EnergyBudget": [

@@ -188,6 +188,10 @@ def _expected(made: Any, error: Any) -> str:
     if kind == "literal_error":
         choices = re.findall(r"'([^']*)'", context["expected"])
         return f", expected one of {', '.join(map(repr, choices))}{nearest(error['input'], choices)}"
+    if kind == "tuple_type":
+        given = error["input"]
+        names = tuple(part.strip() for part in given.split(",")) if isinstance(given, str) else ()
+        return f", expected values in parentheses{f' (nearest: {names!r})' if names else ''}"
     return f": {error['msg']}"
 
 

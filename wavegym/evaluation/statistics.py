@@ -78,7 +78,10 @@ def interquartile_mean(values: Array) -> float | None:
 
 
 def difference(values: Array, baseline: Array, rng: np.random.Generator) -> Difference:
-    """``values`` (member, world) against the mean of the ``baseline``'s members (member, world) on the same worlds."""
+    """``values`` (member, world) against the mean of the ``baseline``'s members (member, world) on the same worlds.
+
+    For the geometric figure this is their geometric mean, so that members against themselves are level.
+    """
     reference = baseline.mean(axis=0)
 
     def percent(members: Array, worlds: Array) -> Array:
@@ -88,8 +91,8 @@ def difference(values: Array, baseline: Array, rng: np.random.Generator) -> Diff
     def geometric(members: Array, worlds: Array) -> Array:
         return 100.0 * np.expm1(_resampled(logarithms, members, worlds).mean(axis=(-2, -1)))
 
-    comparable = all((costs > 0).all() and np.isfinite(costs).all() for costs in (values, reference))
-    logarithms = np.log(values / reference) if comparable else np.full(values.shape, np.nan)
+    comparable = all((costs > 0).all() and np.isfinite(costs).all() for costs in (values, baseline))
+    logarithms = np.log(values) - np.log(baseline).mean(axis=0) if comparable else np.full(values.shape, np.nan)
     return Difference(_estimate(percent, values.shape, rng), _estimate(geometric, values.shape, rng))
 
 

@@ -15,7 +15,8 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.files import pack_arrays, unpack_arrays
 from wavegym.core.system import System
-from wavegym.observations.forecasts import PRESENT, Forecasts
+from wavegym.observations.forecasts import PRESENT
+from wavegym.observations.observer import Observer
 
 MARGIN = 0.1  # of the range, on both sides: the extremes of a few episodes are not those of all
 RANGE_KEY = "observed"  # in run.json
@@ -245,26 +246,26 @@ class LearnedPolicy:
     def __init__(self, network: Network, forecasts: bool = False, training_range: TrainingRange | None = None) -> None:
         self.network, self.forecasts, self.training_range = network, forecasts, training_range
         self.shown: Array | None = None
-        self._forecasts: Forecasts | None = None
-        self._elements = 0
+        self._observer: Observer | None = None
+        self._own = 0
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
-        self._forecasts = Forecasts(system) if self.forecasts else None
+        self._observer = Observer(system, self.forecasts)
+        self._own = len(system.observation_fields)
         self.shown = None
-        self._elements = len(system.observation_fields)
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``: the allowed action of highest logit or value.
 
-        If the observation lacks forecasts, they are computed from ``belief``.
+        An observation that the network was not made for, as one without forecasts, is computed anew from ``belief``.
         """
         if observation is None:
             raise InputError("a learned policy was given no observation, expected the environment's")
-        if self._forecasts and observation.shape[1] == self._elements:
-            observation = np.concatenate([observation, self._forecasts(belief)], axis=1)
+        if self._observer and observation.shape[1] != len(self._observer.observation_fields):
+            observation, _ = self._observer(belief)
         if self.network.is_alike:
-            observation = observation[:, self._elements :]
+            observation = observation[:, self._own :]
         self.shown = observation
         outputs, heads = self.network.outputs(observation), self.network.heads
         if self.network.kind == "mixture":

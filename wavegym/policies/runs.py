@@ -23,6 +23,7 @@ import json
 import shlex
 import warnings
 from collections.abc import Mapping
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -280,11 +281,18 @@ def _check_signature(folder: Path, run: dict[str, Any], env_id: str, system: Sys
     """Raise an InputError if the system's observation, its scaling or its actions differ from those of the run."""
     here = signature(system, run["settings"].get("policy", "mlp"))
     if run["observation"] != here["observation"]:
-        seen, shown = ", ".join(run["observation"]), ", ".join(here["observation"])
-        raise InputError(f"policy {str(folder)!r} observes ({seen}), but this {env_id} shows ({shown})")
-    if run["scaling"] != here["scaling"]:
+        seen, shown = run["observation"], here["observation"]
+        first = next(i for i, (a, b) in enumerate(zip_longest(seen, shown)) if a != b)
+        a, b = (repr(names[first]) if first < len(names) else "no more" for names in (seen, shown))
+        counts = f"{len(seen)} elements, but this {env_id} shows {len(shown)}"
         raise InputError(
-            f"policy {str(folder)!r} scales its observation as {run['scaling']}, but this {env_id} as {here['scaling']}"
+            f"policy {str(folder)!r} observes {counts}; the first that differs, {first + 1}, is {a}, not {b}"
+        )
+    if run["scaling"] != here["scaling"]:
+        rows = zip(here["observation"], run["scaling"], here["scaling"], strict=True)
+        name, seen, shown = next(row for row in rows if row[1] != row[2])
+        raise InputError(
+            f"policy {str(folder)!r} has centre and scale {seen} of {name!r}, but this {env_id} has {shown}"
         )
     if run["actions"] != here["actions"]:
         known, offered = (f"{a['count']} ({a['form']}, {a['sha256'][:8]})" for a in (run["actions"], here["actions"]))

@@ -55,6 +55,7 @@ Fluctuation = Literal["swerling0", "swerling1", "swerling2", "swerling3", "swerl
 FLUCTUATIONS = get_args(Fluctuation)
 MOST_PULSES = 1000
 MOST_CELLS = 64  # their product of uniform draws stays a number
+MOST_THRESHOLD = 100.0  # times the mean power of the reference cells; beyond, the tables take gigabytes
 MOST_DECIBELS = 300.0
 STEPS = 50  # halvings of the interval in which a quantile lies
 LAWS = 8  # whose tables are kept: a threshold takes 0.1 s, and every environment of the law needs it
@@ -299,8 +300,24 @@ def echo_law(
     if alarms.ndim != 1 or not len(alarms):
         raise InputError(f"false_alarms has shape {alarms.shape}, expected a sequence of at least one probability")
     check_positive("energy", energy)
-    check_within("cells", check_int("cells", cells, 0), 0, MOST_CELLS)
+    check_cells(cells, float(alarms.min()))
     return _tables(tuple(alarms.tolist()), fluctuation, check_int("searched", searched, 0), energy, realised, cells)
+
+
+def check_cells(cells: int, false_alarm: float) -> None:
+    """Raise an InputError for a number of reference cells out of range, or too small for a probability of false alarm.
+
+    The threshold may be at most ``MOST_THRESHOLD`` times the mean power of the cells.
+    """
+
+    def is_enough(count: int) -> bool:
+        return -math.log(false_alarm) / count <= math.log1p(MOST_THRESHOLD / count)
+
+    check_within("cells", check_int("cells", cells, 0), 0, MOST_CELLS)
+    if cells and not is_enough(cells):
+        nearest = next((more for more in range(cells, MOST_CELLS + 1) if is_enough(more)), 0)
+        wanted = f"more cells, or 0 for a known noise, at a false alarm probability of {false_alarm:g}"
+        raise InputError(f"cells is {cells}, expected {wanted} (nearest: {nearest})")
 
 
 @lru_cache(maxsize=LAWS)

@@ -201,7 +201,42 @@ def test_a_users_own_kind_plays():
     assert (alone.state_info(state)["collisions"] == 1.0).all()
 
 
+@pytest.mark.parametrize(
+    ("noise", "message"),
+    [
+        (np.full((3, 8), np.nan), "is nan, expected finite numbers >= 0"),
+        (np.full((3, 8), -3.0), "is -3, expected finite numbers >= 0"),
+        (np.full((3, 8), np.inf), "is inf, expected finite numbers >= 0"),
+        (np.zeros((8, 3)), r"has shape \(8, 3\), expected \(3, 8\)"),
+        (1j * np.ones((3, 8)), "is complex128, expected real numbers"),
+    ],
+)
+def test_noise_of_a_users_own_kind_is_checked(noise, message):
+    class Loud(Follower):
+        def advance(self, state, band, uniform):
+            return state, noise
+
+    system = SharedSpectrum(users=(Loud(),))
+    with pytest.raises(InputError, match=f"noise of user Loud {message}"):
+        system.initial(oracles.worlds(system, 3))
+
+
+def test_a_users_own_kind_returns_state_and_noise():
+    class Forgetful(Follower):
+        def advance(self, state, band, uniform):
+            return 50.0 * band
+
+    system = SharedSpectrum(users=(Forgetful(),))
+    with pytest.raises(InputError, match=r"user Forgetful returned a ndarray from advance, expected \(state, noise\)"):
+        system.initial(oracles.worlds(system, 3))
+
+
 def test_mistakes():
+    for draws in (-1, 1.5, None, 10**9):
+        with pytest.raises(InputError, match="draws of user Greedy is"):
+            make_checked(SharedSpectrum, {"users": (type("Greedy", (Follower,), {"draws": draws})(),)})
+    with pytest.raises(InputError, match=r"user is <class .*Follower'>, expected .* or an object with draws"):
+        make_checked(SharedSpectrum, {"users": (Follower,)})
     with pytest.raises(InputError, match=r"kind of user is 'statik', expected .*did you mean 'static'"):
         make_checked(SharedSpectrum, {"users": ("statik",)})
     with pytest.raises(InputError, match=r"user is 3, expected one of 'static', .* or an object with draws, begin"):

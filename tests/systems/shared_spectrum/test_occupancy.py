@@ -10,6 +10,7 @@ import pytest
 from wavegym.core.errors import InputError
 from wavegym.sensors import contiguous_bands
 from wavegym.systems.shared_spectrum.occupancy import MEMORY, predictor_of
+from wavegym.systems.shared_spectrum.occupancy_kernels import SURE
 
 LOUD = 30  # half decibels
 BANDS = contiguous_bands(3)
@@ -102,7 +103,7 @@ def test_lags_are_mixed_by_their_likelihood(gap):
         assert found == pytest.approx((share * chances).sum() / share.sum(), rel=1e-9)
 
 
-def test_lags_learn_a_period_and_users_a_motion():
+def test_lags_learn_a_period_and_stepped_users_are_followed():
     steps = np.arange(60)
     periodic = np.zeros((1, 60, 8), np.uint8)
     periodic[0, steps % 5 == 0, 2] = LOUD
@@ -112,8 +113,36 @@ def test_lags_learn_a_period_and_users_a_motion():
     turn = np.where(steps < 30, 3 * steps, 90 - 2 * (steps - 30)) % 8  # another stride after the 30th step
     moving[0, steps, turn] = LOUD
     at = turn[34]
-    by_users, by_lags = (predicted(name, moving, 34)[at] for name in ("users:10", "lags:10"))
-    assert by_users > 0.5 > by_lags
+    followed, by_lags = (predicted(name, moving, 34)[at] for name in ("stepped:10", "lags:10"))
+    assert followed > 0.9 > 0.5 > by_lags
+
+
+@pytest.mark.parametrize("gap", [1, 2])
+@pytest.mark.parametrize("width", [1, 2])
+@pytest.mark.parametrize("stride", [-3, 2])
+def test_a_stepped_user_leaves_the_history_of_the_others(stride, width, gap):
+    """Beside a user that stays: the chains are those without the stepped user, and its next place is added."""
+    steps, n, room = np.arange(40), 33, 8 - width + 1
+    others = np.zeros((1, 40, 8), np.uint8)
+    others[0, :, 6] = LOUD
+    noise, place = others.copy(), (1 + stride * steps) % room
+    for c in range(width):
+        noise[0, steps, place + c] = LOUD
+    found, alone = (predicted(name, history, n, gap) for name, history in (("stepped:6", noise), ("lags:6", others)))
+    next_place = place[n - 1 + gap]
+    for c in range(8):
+        is_next = next_place <= c < next_place + width
+        expected = 1.0 - (1.0 - SURE) * (1.0 - alone[c]) if is_next else alone[c]
+        assert found[c] == pytest.approx(expected, rel=1e-12)
+
+
+def test_two_stepped_users_are_followed_through_each_other():
+    steps, noise = np.arange(40), np.zeros((1, 40, 8), np.uint8)
+    for stride, first in ((2, 1), (-3, 4)):
+        noise[0, steps, (first + stride * steps) % 8] = LOUD
+    for n in range(30, 38):
+        found = predicted("stepped:6", noise, n)
+        assert ((found > 0.9) == (noise[0, n] == LOUD)).all()
 
 
 def test_reactions_are_markov_chains_with_the_radars_band_in_the_context():
@@ -128,7 +157,7 @@ def test_reactions_are_markov_chains_with_the_radars_band_in_the_context():
         assert found[c] == pytest.approx(estimate(sum(after), len(after) - sum(after)))
 
 
-@pytest.mark.parametrize("name", ["lags:2", "users:2"])
+@pytest.mark.parametrize("name", ["lags:2", "stepped:2"])
 def test_a_gap_beyond_the_longest_lag_leaves_one_chain(name):
     noise, busy = heard(np.random.default_rng(6), 40)
     for c, found in enumerate(predicted("lags:2", noise, 30, 5)):

@@ -165,30 +165,35 @@ def filter_one(e, b, mean, covariance, present, z, measured, radar, band, assume
 
 
 @inlined
-def remember_one(e, k, row, delay, b, noise, band, heard, sent, level):
-    """Append the measured noise[e] (c,) and own band b to the history; return the occupied channels of the band.
+def remember_one(e, k, row, b, noise, known, band, heard, sent, level):
+    """Append known[e] (c,) and own band b to the history; return the occupied channels of the band by noise[e] (c,).
 
-    b < 0: no train. heard[e, row] and sent[e, k] are written, but not past an episode's end, to which planners predict.
-    level follows what was measured ``delay`` steps ago.
+    b < 0: no train. heard[e, row] and sent[e, k] are written, but not past an episode's end, to which planners predict,
+    and no row < 0, before anything was known.
     """
     struck, inside = 0.0, k < sent.shape[1]
     for c in range(noise.shape[1]):
-        half_decibels = np.uint8(min(max(round(20.0 * np.log10(noise[e, c])), 0), 255))
-        if is_busy(half_decibels):
+        if is_busy(half_decibels(noise[e, c])):
             struck += b >= 0 and band.first[b] <= c < band.first[b] + band.width[b]
-        if inside:
-            heard[e, row, c] = half_decibels
-            if row >= delay and is_busy(heard[e, row - delay, c]):
-                level[e, c] += RECENT * (10.0 ** (0.05 * heard[e, row - delay, c]) - level[e, c])
+        if inside and row >= 0:
+            heard[e, row, c] = half_decibels(known[e, c])
+            if is_busy(heard[e, row, c]):
+                level[e, c] += RECENT * (10.0 ** (0.05 * heard[e, row, c]) - level[e, c])
     if inside and b >= 0:
         sent[e, k] = b
     return struck
 
 
 @inlined
-def is_busy(half_decibels):
-    """Whether a channel with this noise counts as occupied."""
-    return half_decibels >= BUSY
+def half_decibels(noise):
+    """The noise as it is kept in the history: half decibels, uint8."""
+    return np.uint8(min(max(round(20.0 * np.log10(noise)), 0), 255))
+
+
+@inlined
+def is_busy(kept):
+    """Whether a channel with this noise, in half decibels, counts as occupied."""
+    return kept >= BUSY
 
 
 @kernel
@@ -232,29 +237,34 @@ def filtered(mean, covariance, present, z, noise, action, radar, band, mean_out,
 
 
 @kernel
-def remember(step, row, delay, action, noise, band, heard, sent, level, struck):
+def remember(step, row, action, noise, known, band, heard, sent, level, struck):
     """``remember_one`` of each world, in place; step, row, action (e,)."""
     for e in range(len(noise)):
-        struck[e] = remember_one(e, step[e], row[e], delay, action[e], noise, band, heard, sent, level)
+        struck[e] = remember_one(e, step[e], row[e], action[e], noise, known, band, heard, sent, level)
 
 
 @kernel
 def transition(
-    step, action, path, users, now, taken, before, key, normal, sensing, listened, delay, world_radar, mean, covariance,
+    step, action, path, users, now, taken, before, late, key, normal, sensing, listened, world_radar, mean, covariance,
     radar, band, targets, after, now_taken, noise, collisions, mean_out, covariance_out, heard, sent, level, struck,
 ):  # fmt: skip
-    """One step of each world: users, target, train, filter and history. ``heard``, ``sent``, ``level``: in place.
+    """One step of each world: users, target, train, filter and history.
 
+    In place: late (e, delay, c), the measured noise that is not known yet; heard, sent, level: see ``Belief``.
     taken, before: the radar's band and the noise of the last step; now_taken, noise: those of this one.
     """
-    z, measured, assumed = np.empty_like(mean), np.empty_like(noise), np.empty_like(noise)
+    z, measured, assumed, known = np.empty_like(mean), np.empty_like(noise), np.empty_like(noise), np.empty_like(noise)
+    delay = late.shape[1]
     for e in range(len(step)):
         k, b = step[e], action[e]
         users_one(e, listened + k, key, users, now, taken, before, world_radar, after, noise)
         targets[e, 0], targets[e, 1] = path[e, k + 1, 0], path[e, k + 1, 1]
         present = receive_one(e, k, b, targets, noise, key, normal, sensing, listened, world_radar, band, z, measured)
         filter_one(e, b, mean, covariance, present, z, measured, radar, band, assumed, mean_out, covariance_out)
-        struck[e] = remember_one(e, k, listened + k, delay, b, measured, band, heard, sent, level)
+        known[e] = late[e, -1] if delay else measured[e]
+        for d in range(delay - 1, -1, -1):
+            late[e, d] = late[e, d - 1] if d else measured[e]
+        struck[e] = remember_one(e, k, listened + k - delay, b, measured, known, band, heard, sent, level)
         collisions[e] = collide_one(e, b, users, after, band, now_taken)
 
 

@@ -18,8 +18,8 @@ FAMILIES: dict[str, tuple[Any, int]] = {  # a kernel with constants that follow 
     "counts": (lambda number: (kernels.counts, ()), 0),
     "markov": (lambda number: (kernels.markov, ()), 0),
     "reactions": (lambda number: (kernels.reactions, ()), 0),
-    "lags": (lambda number: (kernels.lags, (number, MEMORY, False)), 100),
-    "users": (lambda number: (kernels.lags, (number, MEMORY, True)), 100),
+    "lags": (lambda number: (kernels.lags, (number, MEMORY)), 100),
+    "stepped": (lambda number: (kernels.stepped, (number, MEMORY)), 100),
     "context-tree": (lambda number: (kernels.context_tree, (number,)), 12),
 }
 
@@ -31,7 +31,7 @@ def predictor_of(name: str, bands: Bands) -> Callable[[Array, Array, Array, int]
     the last one heard to the one predicted. It returns probabilities (env, channel).
 
     Args:
-        name: "counts", "markov", "reactions", or with a number of steps "lags:N", "users:N" and "context-tree:N".
+        name: "counts", "markov", "reactions", or with a number of steps "lags:N", "stepped:N" and "context-tree:N".
         bands: that the radar may choose.
 
     Raises:

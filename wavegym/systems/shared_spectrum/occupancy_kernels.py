@@ -12,9 +12,10 @@ import numpy as np
 
 from wavegym.core.kernels import inlined, kernel
 from wavegym.systems.shared_spectrum.kernels import is_busy
+from wavegym.systems.shared_spectrum.user_kernels import STRIDES
 
-FARTHEST = 3  # channels by which a user may move in a step
-ALIKE = 6  # half decibels below which two noises may be of one user
+FOLLOWED = 3  # steps from which a path through the channels is that of a user; chosen on tuning worlds
+SURE = 0.95  # probability that it moves on: the default's users begin anew in 3 % of the steps
 
 
 @inlined
@@ -75,35 +76,25 @@ def reactions(heard, sent, first, width, length, gap, out):
 
 
 @kernel
-def lags(heard, length, gap, most, memory, follows, out):
+def lags(heard, length, gap, most, memory, out):
     """As ``markov``, by a mixture of chains whose context is the channel ``gap`` to ``most`` steps ago.
 
     The weights are the chains' likelihoods, in which a step counts ``memory`` times as much as the one after it.
-    follows: with one more chain, whose context is where users would be if they moved on as in the last step.
     """
     channels, steps = heard.shape[2], heard.shape[1]
     most = max(most, gap)
     evidence, chance = np.empty(most + 1), np.empty(most + 1)
-    busy, moved = np.empty((channels, steps), np.int64), np.zeros((channels, steps + gap), np.int64)
+    busy = np.empty(steps, np.int64)
     for e in range(len(length)):
         n = length[e]
         for c in range(channels):
-            occupied(e, c, n, heard, busy[c])
-        if follows:
-            for k in range(1, n):
-                move_on(heard[e], k, gap, busy, moved)
-        for c in range(channels):
-            evidence[0], chance[0] = -1e300, 0.5
-            if follows:
-                evidence[0], chance[0] = chain(busy[c], moved[c], n, 0, gap, most, memory)
-            top = evidence[0]
+            occupied(e, c, n, heard, busy)
+            top = -1e300
             for lag in range(gap, most + 1):
-                evidence[lag], chance[lag] = chain(busy[c], busy[c], n, lag, gap, most, memory)
+                evidence[lag], chance[lag] = chain(busy, n, lag, gap, most, memory)
                 top = max(top, evidence[lag])
-            for lag in range(1, gap):
-                evidence[lag], chance[lag] = -1e300, 0.5
             weight, found = 0.0, 0.0
-            for lag in range(most + 1):
+            for lag in range(gap, most + 1):
                 share = np.exp(evidence[lag] - top)
                 weight += share
                 found += share * chance[lag]
@@ -111,12 +102,12 @@ def lags(heard, length, gap, most, memory, follows, out):
 
 
 @inlined
-def chain(busy, context, n, lag, gap, most, memory):
-    """(log likelihood of the steps from ``most`` on, probability of the next) of a chain with this context and lag."""
+def chain(busy, n, lag, gap, most, memory):
+    """(log likelihood of the steps from ``most`` on, probability of the next) of a chain with this lag."""
     on0, all0, on1, all1 = 0.5, 1.0, 0.5, 1.0
     evidence = 0.0
     for k in range(lag, n):
-        if context[k - lag]:
+        if busy[k - lag]:
             chance = on1 / all1
             all1 += 1.0
             on1 += busy[k]
@@ -128,28 +119,77 @@ def chain(busy, context, n, lag, gap, most, memory):
             evidence = memory * evidence + np.log(chance if busy[k] else 1.0 - chance)
     if n - 1 + gap < lag:
         return -1e300, 0.5
-    return evidence, on1 / all1 if context[n - 1 + gap - lag] else on0 / all0
+    return evidence, on1 / all1 if busy[n - 1 + gap - lag] else on0 / all0
+
+
+@kernel
+def stepped(heard, length, gap, most, memory, out):
+    """As ``lags``, with the users that step through the channels followed one by one and taken out of the history.
+
+    It knows how they move: by a constant number of channels, and around the end of the spectrum. A user is one that was
+    heard in all of the last steps and explains ``FOLLOWED`` of them: a channel that was occupied in the step before and
+    in the one after, too, needs no explanation, and stays in the history.
+    """
+    channels = heard.shape[2]
+    rest, ahead = heard.copy(), np.zeros((len(length), channels), np.bool_)
+    busy, left = np.empty(heard.shape[1:], np.bool_), np.empty(heard.shape[1:], np.bool_)  # left: to be explained
+    for e in range(len(length)):
+        n = length[e]
+        for k in range(n):
+            for c in range(channels):
+                busy[k, c] = is_busy(heard[e, k, c])
+        for k in range(n):
+            for c in range(channels):
+                left[k, c] = busy[k, c] and not (busy[max(k - 1, 0), c] and busy[min(k + 1, n - 1), c])
+        end = n - 1
+        while end >= FOLLOWED - 1:
+            explained, steps, place, width, stride = best_path(busy, left, end)
+            if explained < FOLLOWED:
+                end -= 1
+                continue
+            take_out(left, rest[e], end, steps, place, width, stride)
+            if end == n - 1:
+                first = (place + gap * stride) % (channels - width + 1)
+                ahead[e, first : first + width] = True
+    lags(rest, length, gap, most, memory, out)
+    for e in range(len(length)):
+        for c in range(channels):
+            if ahead[e, c]:
+                out[e, c] = 1.0 - (1.0 - SURE) * (1.0 - out[e, c])
 
 
 @inlined
-def move_on(heard, k, gap, busy, moved):
-    """moved[:, k + gap]: where the users of step k will be if each moves on as it moved from step k - 1.
+def best_path(busy, left, end):
+    """(explained, steps, place, width, stride) of the user that was heard in all of the last steps up to ``end``.
 
-    A channel of step k - 1 belongs to the same user if its noise is nearly the same.
+    It is the one that explains most steps in which a channel is ``left``; place: its first channel at ``end``.
     """
-    channels = heard.shape[1]
-    for c in range(channels):
-        moved[c, k + gap] = 0
-    for c in range(channels):
-        if busy[c, k]:
-            best, shift = ALIKE, FARTHEST + 1
-            for d in range(-FARTHEST, FARTHEST + 1):
-                before = (c - d) % channels
-                difference = abs(np.int64(heard[k, c]) - np.int64(heard[k - 1, before]))
-                if busy[before, k - 1] and difference < best:
-                    best, shift = difference, d
-            if shift <= FARTHEST:
-                moved[(c + gap * shift) % channels, k + gap] = 1
+    channels = busy.shape[1]
+    found = 0, 0, 0, 1, 0
+    for width in range(1, min(2, channels) + 1):
+        room = channels - width + 1
+        for stride in STRIDES:
+            for place in range(room):
+                explained, k, first = 0, end, place
+                while k >= 0 and busy[k, first] and busy[k, first + width - 1]:
+                    explained += left[k, first] or left[k, first + width - 1]
+                    k -= 1
+                    first = (first - stride) % room
+                if explained > found[0] or (explained == found[0] and width > found[3]):
+                    found = explained, end - k, place, width, stride
+    return found
+
+
+@inlined
+def take_out(left, rest, end, steps, place, width, stride):
+    """Clear the channels that a user of ``best_path`` explains, in ``left`` and in ``rest``."""
+    room, first = left.shape[1] - width + 1, place
+    for k in range(end, end - steps, -1):
+        for c in range(first, first + width):
+            if left[k, c]:
+                rest[k, c] = 0
+            left[k, c] = False
+        first = (first - stride) % room
 
 
 @kernel

@@ -59,7 +59,7 @@ class BandScene:
         if steps:
             axes.pcolormesh(np.arange(steps + 1), self._edges, heard, cmap="Greys", vmin=0.0, vmax=STRONGEST)
         for k, action in enumerate(moment.actions):
-            low = system.bands.first[action[0]]
-            high = low + system.bands.width[action[0]]
+            band = system.band_of(action)[0]
+            low, high = system.bands.first[band], system.bands.first[band] + system.bands.width[band]
             style = STRUCK if (heard[low:high, k] >= 0.5 * BUSY).any() else CLEAR
             axes.plot([k + 0.5] * 2, self._edges[[low, high]], solid_capstyle="butt", **style)

@@ -26,14 +26,14 @@ def fused_transition(system: SharedSpectrum, state: State, action: Array, world:
     targets, places, taken = np.empty_like(truth.targets), np.empty_like(truth.places), np.empty_like(truth.taken)
     noise, collisions = np.empty_like(truth.noise), np.empty_like(truth.collisions)
     mean, covariance, struck = np.empty_like(belief.mean), np.empty_like(belief.covariance), np.empty(count)
-    heard, sent, level = belief.heard.copy(), belief.sent.copy(), belief.level.copy()
+    late, heard, sent, level = truth.late.copy(), belief.heard.copy(), belief.sent.copy(), belief.level.copy()
     kernels.transition(
-        belief.step, action, truth.path, truth.users, truth.places, truth.taken, truth.noise, world.key, world.normal,
-        world.sensing, system.history, system.sensing_delay, system.truth_model._radar, belief.mean,
-        belief.covariance, system._radar, system._band, targets, places, taken, noise, collisions, mean, covariance,
-        heard, sent, level, struck,
+        belief.step, action, truth.path, truth.users, truth.places, truth.taken, truth.noise, late, world.key,
+        world.normal, world.sensing, system.history, system.truth_model._radar, belief.mean, belief.covariance,
+        system._radar, system._band, targets, places, taken, noise, collisions, mean, covariance, heard, sent, level,
+        struck,
     )  # fmt: skip
-    after = truth._replace(targets=targets, places=places, taken=taken, noise=noise, collisions=collisions)
+    after = truth._replace(targets=targets, places=places, taken=taken, noise=noise, late=late, collisions=collisions)
     return State(after, Belief(belief.step + 1, mean, covariance, heard, sent, level, struck))
 
 
@@ -92,7 +92,9 @@ def measured_fields(system: SharedSpectrum) -> MeasuredFields:
         ObservationField("range", "m", centre, scale, "measured range"),
         ObservationField("range_rate", "m/s", 0.0, max(fastest, 1.0), "measured range-rate"),
         *(
-            ObservationField(f"noise_{c}", "dB", 10.0, 10.0, f"measured noise in channel {c}")
+            ObservationField(
+                f"noise_{c}", "dB", 10.0, 10.0, f"measured {1 + system.sensing_delay} steps ago in channel {c}"
+            )
             for c in range(system.channels)
         ),
     )
@@ -100,9 +102,7 @@ def measured_fields(system: SharedSpectrum) -> MeasuredFields:
 
     def values(measurements: Measurements) -> Array:
         found = measurements.present[:, None]
-        decibels = 10.0 * np.log10(measurements.noise)
-        if system.sensing_delay:  # only the noise in the own band is known at once
-            decibels = np.where(system.held[measurements.band], decibels, fields[-1].centre)
+        decibels = 10.0 * np.log10(measurements.known)
         return np.concatenate([found, np.where(found, measurements.z, missing), decibels], axis=1)
 
     return MeasuredFields(fields, values)
@@ -121,7 +121,7 @@ def baselines(system: SharedSpectrum) -> dict[str, tuple[str, dict[str, Any]]]:
         "myopic:counts": ("myopic", {"predictor": "counts"}),
         "myopic:reactions": ("myopic", {"predictor": "reactions"}),
         "myopic:lags": ("myopic", {"predictor": "lags:10"}),
-        "myopic:users": ("myopic", {"predictor": "users:10"}),
+        "myopic:stepped": ("myopic", {"predictor": "stepped:10"}),
         "myopic:context-tree": ("myopic", {"predictor": "context-tree:8"}),
         "rollout:lags": ("rollout:4@myopic", {"predictor": "lags:10"}),
     }

@@ -27,6 +27,7 @@ class Truth(NamedTuple):
     own: tuple[Any, ...]  # of each user of one's own: its state, and its noise (env, c)
     taken: Array  # (env, 2) int: first channel of the radar's last band, and the one above it; 0, 0: none
     noise: Array  # (env, c) in the last train, in units of the receiver's noise
+    late: Array  # (env, delay, c) measured noise that the scheduler does not know yet, the latest first
     collisions: Array  # (env,) users that the last band overlapped
 
 
@@ -36,18 +37,21 @@ class Measurements(NamedTuple):
     present: Array  # (env,) bool: the target was detected
     z: Array  # (env, 2) range and range-rate
     noise: Array  # (env, c) measured in the gaps of the train
+    known: Array  # (env, c) measured ``sensing_delay`` steps ago: what the scheduler learns now
     band: Array  # (env,) int: that of the train
 
 
 class Belief(NamedTuple):
-    """The belief."""
+    """What the radar knows. S steps of listening come before the first train; c channels.
 
-    step: Array  # (env,) int
-    mean: Array  # (env, 2)
+    Row S + step - 1 - ``sensing_delay`` of ``heard`` is the last one that is known; later rows are 0. The shortcut
+    ``sensed_band`` reads them as a ratio of powers.
+    """
+
+    step: Array  # (env,) int, trains so far
+    mean: Array  # (env, 2) range in m and range-rate in m/s
     covariance: Array  # (env, 2, 2)
-    heard: (
-        Array  # (env, S + H, c) uint8: noise measured in each channel, half decibels, from the first step of listening
-    )
-    sent: Array  # (env, H) int16: own bands; -1: none
-    level: Array  # (env, c) running mean of the noise in the channel while it was occupied
+    heard: Array  # (env, S + H, c) uint8: measured noise over the receiver's, in half decibels, rounded and at least 0
+    sent: Array  # (env, H) int16: index of the band of each train; -1: none yet
+    level: Array  # (env, c) running mean of the noise in a channel while it was occupied, in the receiver's noise
     struck: Array  # (env,) occupied channels in the last band, as the radar heard or predicted them

@@ -17,14 +17,14 @@ from wavegym.core.errors import InputError, check_ordered, check_positive
 from wavegym.core.parameters import Interval, NonNegative, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.core.traits import TimedPulses
-from wavegym.sensors.detection import Fluctuation, echo_law
+from wavegym.sensors.detection import Fluctuation, check_cells, echo_law
 from wavegym.sensors.interference import Bands, Receiver, contiguous_bands
 from wavegym.sensors.trains import check_threshold
 from wavegym.systems.shared_spectrum import kernels
 from wavegym.systems.shared_spectrum import prediction_kernels as prediction
 from wavegym.systems.shared_spectrum.occupancy import predictor_of
 from wavegym.systems.shared_spectrum.state import Belief, Measurements, Truth, World
-from wavegym.systems.shared_spectrum.users import DRAWS, BandUser, check_users, drawn_users
+from wavegym.systems.shared_spectrum.users import DRAWS, BandUser, advanced, check_users, drawn_users
 from wavegym.targets import MotionModel, constant_velocity, random_path
 from wavegym.waveforms import SPEED_OF_LIGHT, PulseTiming, check_range_folds, check_time_on_target, check_velocity_folds
 
@@ -123,11 +123,11 @@ class SharedSpectrum(System, TimedPulses):
         40.0, "attenuation of a user in the two channels beside its own", unit="dB", truth=True, ge=0
     )
     sensing: float = parameter(
-        1.0, "standard deviation of the measured noise of a channel", unit="dB", truth=True, ge=0, le=20
+        1.0, "standard deviation of the measured noise of a channel", unit="dB", truth=True, ge=0, le=4
     )
     sensing_delay: int = parameter(0, "steps until the scheduler knows what was measured", ge=0, le=100)
     predictor: str = parameter(
-        "markov", "prediction of the occupancy: counts, markov, reactions, lags:N, users:N or context-tree:N", unit=""
+        "markov", "prediction of the occupancy: counts, markov, reactions, lags:N, stepped:N or context-tree:N", unit=""
     )
     price: float = parameter(0.0, "cost of each occupied channel in the band", unit="m^2", ge=0)
     history: int = parameter(
@@ -149,6 +149,7 @@ class SharedSpectrum(System, TimedPulses):
             check_ordered(name, *getattr(self, name))
         check_positive("sum of weights", sum(self.weights))
         check_threshold(self.false_alarm)
+        check_cells(self.cells, self.false_alarm)
         check_users(self.users)
         predictor_of(self.predictor, self.bands)
         self._check_steps()
@@ -283,7 +284,9 @@ class SharedSpectrum(System, TimedPulses):
             (user.begin(self._own_draws(user, i, zero - 1, world), self.channels), 0.0 * noise)
             for i, user in enumerate(self._own)
         )
-        truth = Truth(path[:, 0].copy(), path, users, places, own, np.zeros((count, 2), np.int64), noise, zero.copy())
+        late = np.ones((count, self.sensing_delay, self.channels))
+        taken = np.zeros((count, 2), np.int64)
+        truth = Truth(path[:, 0].copy(), path, users, places, own, taken, noise, late, zero.copy())
         covariance = np.broadcast_to(np.diag(self.prior_variance), (count, 2, 2)).copy()
         heard = np.zeros((count, self.history + self.horizon, self.channels), np.uint8)
         level = np.full((count, self.channels), FIRST_LEVEL)
@@ -299,8 +302,12 @@ class SharedSpectrum(System, TimedPulses):
         for k in range(self.history):
             truth = self._advanced(truth, belief.step + k, world)
             noise = truth.noise * 10.0 ** (0.1 * self.truth_model.sensing * world.sensing[:, k])
+            known, late = _queued(truth.late, noise)
             written = belief.heard, belief.sent, belief.level, belief.struck
-            kernels.remember(belief.step, belief.step + k, self.sensing_delay, none, noise, self._band, *written)
+            kernels.remember(
+                belief.step, belief.step + k - self.sensing_delay, none, noise, known, self._band, *written
+            )
+            truth = truth._replace(late=late)
         return State(truth, belief)
 
     @cached_property
@@ -326,18 +333,18 @@ class SharedSpectrum(System, TimedPulses):
         channels, own = np.arange(self.channels), []
         band = (channels >= truth.taken[:, :1]) & (channels < truth.taken[:, 1:])
         for i, (user, (state, _)) in enumerate(zip(self._own, truth.own, strict=True)):
-            own.append(user.advance(state, band, self._own_draws(user, i, first, world)))
+            own.append(advanced(user, state, band, self._own_draws(user, i, first, world)))
             noise += own[-1][1]
         return truth._replace(places=places, noise=noise, own=tuple(own))
 
-    def _remembered(self, belief: Belief, noise: Array, action: Array) -> Belief:
-        """The belief with the measured noise (env, channel) and own band (env,) of this step."""
+    def _remembered(self, belief: Belief, noise: Array, known: Array, action: Array) -> Belief:
+        """The belief with the noise (env, channel) measured in this step and known since, and own band (env,)."""
         fresh = belief._replace(
             heard=belief.heard.copy(), sent=belief.sent.copy(), level=belief.level.copy(), struck=belief.struck.copy()
         )
-        row = self.history + belief.step
+        row = self.history + belief.step - self.sensing_delay
         written = fresh.heard, fresh.sent, fresh.level, fresh.struck
-        kernels.remember(belief.step, row, self.sensing_delay, action, noise, self._band, *written)
+        kernels.remember(belief.step, row, action, noise, known, self._band, *written)
         return fresh
 
     def move(self, truth: Truth, step: Array, world: World) -> Truth:
@@ -353,25 +360,26 @@ class SharedSpectrum(System, TimedPulses):
             belief.step, truth.targets, truth.noise, band, world.key, world.normal, world.sensing, self.history,
             self.truth_model._radar, self._band, present, z, noise,
         )  # fmt: skip
-        return Measurements(present, z, noise, np.array(band))
+        return Measurements(present, z, noise, _queued(truth.late, noise)[0], np.array(band))
 
     def track(self, belief: Belief, action: Array, measurements: Measurements) -> Belief:
         """One step of the Kalman filter with the measured noise."""
         mean, covariance = np.empty_like(belief.mean), np.empty_like(belief.covariance)
-        present, z, noise, band = measurements
+        present, z, noise, known, band = measurements
         kernels.filtered(
             belief.mean, belief.covariance, present, z, noise, band, self._radar, self._band, mean, covariance
         )
-        after = self._remembered(belief, noise, band)
+        after = self._remembered(belief, noise, known, band)
         return after._replace(step=belief.step + 1, mean=mean, covariance=covariance)
 
     def annotate(self, truth: Truth, measurements: Measurements) -> Truth:
-        """The channels of the band, to which users may react, and the users that it overlapped."""
+        """The channels of the band, to which users may react, the users that it overlapped, and the measured noise."""
         taken, collisions = np.empty_like(truth.taken), np.empty_like(truth.collisions)
         kernels.collide(measurements.band, truth.users, truth.places, self._band, taken, collisions)
         for _, noise in truth.own:
             collisions += ((noise > 0.0) & self.held[measurements.band]).any(axis=1)
-        return truth._replace(taken=taken, collisions=collisions)
+        _, late = _queued(truth.late, measurements.noise)
+        return truth._replace(taken=taken, late=late, collisions=collisions)
 
     @cached_property
     def _predictor(self) -> Callable[[Array, Array, Array, int], Array]:
@@ -413,7 +421,8 @@ class SharedSpectrum(System, TimedPulses):
         """The beliefs (env, candidate) after bands and noise (env, candidate, ...)."""
         each = Belief(*(np.repeat(field[:, None], x.shape[1], axis=1) for field in belief))
         flat = Belief(*(field.reshape(-1, *field.shape[2:]) for field in each))
-        flat = self._remembered(flat, noise.reshape(-1, self.channels), band.reshape(-1))
+        flat_noise = noise.reshape(-1, self.channels)  # also for what becomes known of earlier steps
+        flat = self._remembered(flat, flat_noise, flat_noise, band.reshape(-1))
         again = Belief(*(field.reshape(*x.shape[:2], *field.shape[1:]) for field in flat))
         return again._replace(step=each.step + 1, mean=x, covariance=P, level=each.level)
 
@@ -472,3 +481,9 @@ class SharedSpectrum(System, TimedPulses):
     def _share(self) -> Array:
         """The share of the spectrum that each band takes, (band,)."""
         return self.bands.width / self.channels
+
+
+def _queued(late: Array, noise: Array) -> tuple[Array, Array]:
+    """The oldest noise (env, channel) of a queue (env, delay, channel) with ``noise`` in front, and the rest."""
+    queue = np.concatenate([noise[:, None], late], axis=1)
+    return queue[:, -1], queue[:, :-1]

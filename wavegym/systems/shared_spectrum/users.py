@@ -7,41 +7,34 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, check_choice
+from wavegym.core.errors import InputError, check_choice, check_int, check_within
 from wavegym.systems.shared_spectrum.user_kernels import BURSTS, HOPPING, LISTENING, OFF, STATIC, STEPPED, STRIDES
 
 
 class Kind(NamedTuple):
-    """What a kind of user models, and the bounds of its parameters.
+    """A kind of user, and the bounds of its parameters; docs/shared_band.md has what each kind models.
 
     Attributes:
         code: of the kernels.
-        models: what it stands for.
         leave, come: bounds of the probabilities of a step; see ``user_kernels``.
         period: bounds of the steps of a pattern.
     """
 
     code: int
-    models: str
     leave: tuple[float, float] = (0.0, 0.0)
     come: tuple[float, float] = (0.0, 0.0)
     period: tuple[int, int] = (1, 1)
 
 
 KINDS = {
-    "static": Kind(STATIC, "a link or a cell that transmits in a share of every train (frames of 5 to 10 ms)"),
-    "bursts": Kind(BURSTS, "traffic that comes and goes: a Markov chain", leave=(0.05, 0.4), come=(0.05, 0.4)),
-    "stepped": Kind(STEPPED, "a stepped-frequency radar: its carrier moves by 1 to 3 channels in every step"),
-    "hopping": Kind(HOPPING, "a link that repeats a hopping pattern of 3 to 24 steps", period=(3, 24)),
-    "listening": Kind(
-        LISTENING,
-        "a network that listens before it talks: after a collision it moves to channels in which it hears nobody, or "
-        "waits, and it returns to its own channel",
-        leave=(0.6, 1.0),
-        come=(0.0, 0.2),
-    ),
+    "static": Kind(STATIC),
+    "bursts": Kind(BURSTS, leave=(0.05, 0.4), come=(0.05, 0.4)),
+    "stepped": Kind(STEPPED),
+    "hopping": Kind(HOPPING, period=(3, 24)),
+    "listening": Kind(LISTENING, leave=(0.6, 1.0), come=(0.0, 0.2)),
 }
 DRAWS = 9  # of a user in ``World.kind``
+MOST_DRAWS = 1000  # of a user's own kind in a step
 
 
 @runtime_checkable
@@ -74,9 +67,31 @@ def check_users(users: tuple[Any, ...]) -> None:
     for user in users:
         if isinstance(user, str):
             check_choice("kind of user", user, KINDS)
-        elif not isinstance(user, BandUser):
+        elif isinstance(user, type) or not isinstance(user, BandUser):
             wanted = f"one of {', '.join(map(repr, KINDS))}, or an object with draws, begin and advance"
             raise InputError(f"user is {user!r}, expected {wanted}")
+        else:
+            name = f"draws of user {type(user).__name__}"
+            check_within(name, check_int(name, user.draws, 0), 0, MOST_DRAWS)
+
+
+def advanced(user: BandUser, state: Any, band: Array, uniform: Array) -> tuple[Any, Array]:
+    """``user.advance``, with its result checked.
+
+    Raises:
+        InputError: not a state and noise, or noise of another shape than ``band`` or that is not finite and at least 0.
+    """
+    found, name = user.advance(state, band, uniform), type(user).__name__
+    if not (isinstance(found, tuple) and len(found) == 2):
+        raise InputError(f"user {name} returned a {type(found).__name__} from advance, expected (state, noise)")
+    noise = np.asarray(found[1])
+    if noise.shape != band.shape:
+        raise InputError(f"noise of user {name} has shape {noise.shape}, expected {band.shape}: (env, channel)")
+    if noise.dtype.kind not in "fiub":
+        raise InputError(f"noise of user {name} is {noise.dtype}, expected real numbers")
+    if not (is_valid := np.isfinite(noise) & (noise >= 0.0)).all():
+        raise InputError(f"noise of user {name} is {noise[~is_valid][0]:g}, expected finite numbers >= 0")
+    return found[0], noise
 
 
 def drawn_users(
