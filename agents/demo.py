@@ -18,7 +18,7 @@ from pathlib import Path
 from wavegym.core.command_line import Parser, guarded
 
 ENV = "wavegym/SharedSpectrum-v0"
-SCHEDULERS = "random,best-fixed,sense-and-avoid,claim,myopic,myopic:context-tree,myopic:lags"
+SCHEDULERS = "random,best-fixed,sense-and-avoid,claim,myopic,myopic:context-tree,myopic:lags,myopic:stepped"
 STEPS = 480_000
 CHECKPOINT_EVERY = 100_000
 
