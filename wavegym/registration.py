@@ -81,11 +81,11 @@ SETTINGS = {  # of every environment, with their meaning
     "num_envs": "number of environments, of a vector environment",
     "num_threads": "number of threads in which the environments of a vector environment advance, 1 by default; results "
     "are the same bits for any number",
-    "reward": '"cost" (minus the cost: see Rewards), "log-cost" (minus its logarithm), "trace" (-trace(Lambda P), '
-    'summed over the targets), "error" (minus the squared true position error), "gospa" (minus the squared GOSPA '
-    'distance, where the info has it), a comparison with the myopic scheduler on the same world ("relative", '
-    '"relative-log", "relative-share", "relative-scaled"), or with another heuristic ("relative:best-simple"); or a '
-    "Reward of your own",
+    "reward": '"cost" (minus the cost: see Rewards), "scaled" (the same over one number, the cost of myopic), '
+    '"log-cost" (minus its logarithm), "trace" (-trace(Lambda P), summed over the targets), "error" (minus the squared '
+    'true position error), "gospa" (minus the squared GOSPA distance, where the info has it), a comparison with the '
+    'myopic scheduler on the same world ("relative", "relative-log", "relative-share", "relative-scaled"), or with '
+    'another heuristic ("relative:best-simple"); or a Reward of your own',
     "render_mode": 'None or "rgb_array"',
     "autoreset_mode": '"NextStep", "SameStep" or "Disabled", of a vector environment',
     "truth": "parameters in which the world differs from what the tracker and the schedulers assume, by name, such as "

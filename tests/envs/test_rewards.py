@@ -8,10 +8,12 @@ from small_systems import Burner
 
 from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
-from wavegym.envs import LogCost, Relative, WaveformEnv, WaveformVectorEnv
+from wavegym.core.worlds import draw_worlds, world_seeds
+from wavegym.envs import LogCost, Relative, Scaled, WaveformEnv, WaveformVectorEnv
 from wavegym.envs.rewards import ShapedCost
 from wavegym.schedulers import Fixed, Lookahead, Myopic, RandomChoice, RoundRobin
 from wavegym.schedulers.registry import make_policy
+from wavegym.schedulers.tuning import log_cost
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 from wavegym.systems.sector_setup.system import SectorSetup
@@ -53,6 +55,25 @@ def test_where_no_track_is_lost_the_reward_is_minus_the_weighted_trace_of_the_co
     reward, cost, trace = stepped(SYSTEM, **given)
     assert (reward == -trace).all()
     assert (reward == -cost).all()
+
+
+def test_a_scaled_reward_is_the_cost_over_one_number_for_the_class():
+    """The geometric mean cost of myopic on tuning worlds, to the four digits of the record, for any parameters."""
+    default = KershawEvansPosition()
+    scale = np.exp(log_cost(default, Myopic(), draw_worlds(default, world_seeds(0, "tune", 100))))
+    for system in (SYSTEM, Doubted(horizon=12, q=3.0)):
+        reward, cost, _ = stepped(system, reward="scaled")
+        np.testing.assert_allclose(reward, -cost / scale, rtol=1e-3)
+        assert np.ptp(reward / cost) < 1e-12
+    reward, cost, _ = stepped(SYSTEM, reward=Scaled(3.0))
+    np.testing.assert_array_equal(reward, -cost / 3.0)
+
+
+def test_a_scaled_reward_needs_a_number():
+    with pytest.raises(InputError, match=r"reward is 'scaled', expected 'cost' \(nearest\), .* Burner has no cost"):
+        WaveformVectorEnv(Burner(), 2, reward="scaled").reset(seed=0)
+    with pytest.raises(InputError, match=r"scale is 0.0, expected a finite number > 0"):
+        Scaled(0.0)
 
 
 class Doubted(KershawEvansPosition):

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import warnings
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -7,8 +9,8 @@ from evaluation_systems import Uneven
 
 import wavegym
 from wavegym.core import shortcuts, worlds
-from wavegym.core.errors import InputError
-from wavegym.evaluation import Factory, compare, make_task, summarise, world_seeds
+from wavegym.core.errors import InputError, InputWarning
+from wavegym.evaluation import Factory, compare, make_task, statistics, summarise, world_seeds
 from wavegym.evaluation import comparison as module
 from wavegym.evaluation.play import play
 from wavegym.schedulers import Fixed, RandomChoice
@@ -127,6 +129,8 @@ class Counting(Fixed):
         ({"policies": {"fixed:400": None}}, r"fixed:400 is no constant action.*nearest: 55"),
         ({"worlds": 0}, "worlds is 0, expected an integer >= 1"),
         ({"jobs": 0}, "jobs is 0, expected an integer >= 1"),
+        ({"until": 0.0}, "until is 0.0, expected a finite number > 0"),
+        ({"by": "belif"}, "by is 'belif', expected .*did you mean 'belief'"),
         ({"seed": -1}, "seed is -1"),
         ({"horizn": 5}, "unexpected keyword argument 'horizn'.*did you mean 'horizon'"),
         ({"reward": "log-cost"}, "unexpected keyword argument 'reward'"),
@@ -137,6 +141,69 @@ def test_mistakes_are_named_before_the_work_begins(monkeypatch, change, words):
     arguments = {"env_id": POSITION, "policies": {}, "worlds": 2, "jobs": 1, **change}
     with pytest.raises(InputError, match=words):
         compare(**arguments)
+
+
+@pytest.mark.parametrize("by", ["belief", "truth"])
+def test_worlds_are_played_until_the_intervals_are_narrow(by):
+    """Further worlds are those of one longer comparison, in the same batches."""
+    common = {"jobs": 1, "progress": False, **SMALL}
+    first = compare(POSITION, ["random"], worlds=module.CHUNK, **common)
+    low, high = first.against("random", by=by).ci
+    narrow = compare(POSITION, ["random"], worlds=20, until=0.5 * (high - low) / 2.0, by=by, **common)
+    count = len(narrow.seeds)
+    assert 3 * module.CHUNK <= count <= 8 * module.CHUNK  # the width falls with the root of the worlds
+    assert np.ptp(narrow.against("random", by=by).ci) <= 0.5 * (high - low)
+    same(numbers(narrow), numbers(compare(POSITION, ["random"], worlds=count, **common)))
+
+
+def test_a_width_that_takes_too_many_worlds_is_told(monkeypatch):
+    monkeypatch.setattr(module, "MOST_WORLDS", 100)
+    with pytest.warns(InputWarning, match=r"up to .* % wide on either side after 100 worlds, expected 0.001 %"):
+        found = compare(POSITION, ["random"], worlds=50, until=0.001, jobs=1, progress=False, **SMALL)
+    assert len(found.seeds) == 100
+
+
+@pytest.mark.slow
+def test_stopping_at_a_width_keeps_the_coverage():
+    """Log-normal ratios of a known geometric mean: 150 comparisons, each of the worlds that the width takes."""
+    ratio, covered, repeats = 0.9, 0, 150
+    rng = np.random.default_rng(4)
+
+    class Drawn:
+        """What the rule reads of a comparison."""
+
+        played = ("mine",)
+
+        def __init__(self):
+            self.costs = rng.lognormal(np.log(ratio), 0.5, (1, 5000))
+            self.count = 50
+
+        @property
+        def seeds(self):
+            return range(self.count)
+
+        def against(self, name, by):
+            values = self.costs[:, : self.count]
+            return statistics.difference(values, np.ones_like(values), np.random.default_rng(0)).geometric
+
+    for _ in range(repeats):
+        drawn = Drawn()
+        while (worlds := module._enough_worlds(drawn, 6.0, "belief")) > drawn.count:
+            drawn.count = worlds
+        low, high = drawn.against("mine", "belief").ci
+        covered += low <= 100.0 * (ratio - 1.0) <= high
+    assert covered / repeats > 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / repeats)
+
+
+def test_a_learned_policy_that_costs_more_than_myopic_is_told_so():
+    worse = {"mine": lambda observation: np.zeros(len(observation), np.int64)}
+    with pytest.warns(
+        InputWarning, match=r"policy 'mine' costs .* % \[.*\] more than 'myopic', which needs no training"
+    ):
+        compare(POSITION, worse, worlds=30, jobs=1, progress=False, **SMALL)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        compare(POSITION, {"random": None, "fixed:0": None}, worlds=30, jobs=1, progress=False, **SMALL)
 
 
 @pytest.mark.parametrize("price", [float("nan"), float("inf"), -float("inf")])

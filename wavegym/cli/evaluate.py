@@ -23,6 +23,8 @@ COMPARISON = {
     "env_id": "it as the first argument",
     "policies": "--policies NAMES",
     "worlds": "--worlds N",
+    "until": "--until PERCENT",
+    "by": "--by belief or --by truth",
     "seed": "--seed S",
     "jobs": "--jobs J",
     "trust": "--trust",
@@ -37,6 +39,16 @@ def parser() -> Parser:
     options.add_argument("--policies", default="myopic,best-fixed,random", help=f"{POLICIES} (default: %(default)s)")
     options.add_argument(
         "--worlds", type=int, default=200, metavar="N", help="number of test worlds (default: %(default)s)"
+    )
+    until = (
+        "play further worlds until the 95 %% interval of every policy against myopic is at most this many per cent "
+        "wide on either side, or 5000 are played"
+    )
+    options.add_argument("--until", type=float, metavar="PERCENT", help=until)
+    options.add_argument(
+        "--by",
+        default="belief",
+        help="interval of --until: of the cost by belief, or of the error by truth (default: %(default)s)",
     )
     options.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     options.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the test worlds (default: 0)")
@@ -133,7 +145,8 @@ def evaluate(arguments: Sequence[str] | None) -> None:
 
         files += write_trajectories(options.out, env_id, chosen, options.trajectories, **common, **parameters)
     with workers(options):
-        comparison = compare(env_id, chosen, jobs=options.jobs, keep=options.out, **common, **parameters)
+        width = {"until": options.until, "by": options.by}
+        comparison = compare(env_id, chosen, jobs=options.jobs, keep=options.out, **width, **common, **parameters)
     print(write_report(comparison, options.out))
     print(f"\nwritten to {options.out}: {', '.join(files)}")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wavegym.envs.rewards import Cost, LogCost, Relative, Reward, SquaredGospa, Trace, Transition, TrueError
+from wavegym.envs.rewards import Cost, LogCost, Relative, Reward, Scaled, SquaredGospa, Trace, Transition, TrueError
 from wavegym.envs.single import WaveformEnv
 from wavegym.envs.vector import WaveformVectorEnv
 
@@ -11,6 +11,7 @@ __all__ = [
     "LogCost",
     "Relative",
     "Reward",
+    "Scaled",
     "SquaredGospa",
     "Trace",
     "Transition",

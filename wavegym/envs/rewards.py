@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, check_choice
+from wavegym.core.errors import InputError, check_choice, check_positive
 from wavegym.core.policy import Policy
 from wavegym.core.registry import Registry
 from wavegym.core.shortcuts import resting_cost
@@ -22,7 +22,7 @@ from wavegym.core.traits import UnequalSteps
 from wavegym.schedulers import Myopic, rollout
 from wavegym.schedulers.heuristics.grids import HEURISTICS
 from wavegym.schedulers.registry import check_not_renamed
-from wavegym.schedulers.tuned_constants import SIMPLE, recorded, tuned_heuristic
+from wavegym.schedulers.tuned_constants import SIMPLE, recorded, records, tuned_heuristic
 
 
 class Transition(NamedTuple):
@@ -55,6 +55,46 @@ class Cost:
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""
         return -transition.cost, {}
+
+
+class Scaled(Cost):
+    """Minus the cost divided by one number, so that policies keep their order and a critic learns values near 1.
+
+    Args:
+        scale: > 0; by default that of the system's class: see ``scale_of``.
+
+    Raises:
+        InputError: a number out of range.
+    """
+
+    def __init__(self, scale: float | None = None) -> None:
+        self.scale = None if scale is None else check_positive("scale", scale)
+
+    def begin(self, system: System, world: Any) -> None:
+        """Nothing to remember. Raises an InputError where a scale is neither given nor recorded."""
+        self._scale(system)
+
+    def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
+        """See ``Reward``."""
+        return -transition.cost / self._scale(transition.system), {}
+
+    def _scale(self, system: System) -> float:
+        return self.scale or scale_of(system)
+
+
+def scale_of(system: System) -> float:
+    """The cost of the one-step scheduler on tuning worlds (geometric mean), with the default parameters of the class.
+
+    One number for a class and those derived from it, whatever the parameters, so that rewards can be compared.
+
+    Raises:
+        InputError: no class of the system's has such a record.
+    """
+    for kind in type(system).__mro__:
+        if cost := records().get(f"{kind.__module__}:{kind.__qualname__}", {}).get("costs", {}).get("myopic"):
+            return float(cost)
+    wanted = f"'cost' (nearest), or Scaled with a number: {type(system).__name__} has no cost on record"
+    raise InputError(f"reward is 'scaled', expected {wanted}")
 
 
 class CostInTargets(Cost):
@@ -234,6 +274,7 @@ OWN: dict[str, Callable[[], Reward]] = {
     "cost-in-targets": CostInTargets,
     "shaped-cost": ShapedCost,
     "log-cost": LogCost,
+    "scaled": Scaled,
     "trace": Trace,
     "error": TrueError,
     "gospa": SquaredGospa,

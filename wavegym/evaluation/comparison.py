@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,11 +14,12 @@ from tqdm import tqdm
 
 from wavegym.core import shortcuts
 from wavegym.core.arrays import Array
-from wavegym.core.errors import InputError, InputWarning, check_int
+from wavegym.core.errors import InputError, InputWarning, check_choice, check_int, check_positive
 from wavegym.core.policy import Policy
-from wavegym.core.work import Call, kept_parts, run_all
-from wavegym.core.worlds import tuning_tapes, world_seeds
-from wavegym.evaluation.adapters import Given, as_policies
+from wavegym.core.work import Call, Parts, kept_parts, run_all
+from wavegym.core.worlds import tuning_tapes, word, world_seeds
+from wavegym.evaluation import statistics
+from wavegym.evaluation.adapters import AGENTS, Given, as_policies
 from wavegym.evaluation.play import EpisodeResults, Played, Task, make_task, merged, play, results_of
 from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 
@@ -25,6 +27,8 @@ BASELINE = "myopic"
 FLOOR = "random"
 MOST_OUTSIDE = 0.1  # share of decisions on observations outside a policy's training without a warning
 CHUNK = 50  # worlds in one batch, for any number of jobs: a network's last bits depend on its batch
+MOST_WORLDS = 5000  # that a wanted width may take
+HALVES = ("belief", "truth")
 
 
 @dataclass(frozen=True, repr=False)
@@ -59,12 +63,29 @@ class Comparison:
         """The results of all policies, by name."""
         return {name: self.results(name) for name in self.played}
 
+    def against(self, name: str, reference: str = BASELINE, by: str = "belief") -> statistics.Estimate:
+        """The geometric mean of the ratios of two policies on the same worlds, in per cent; negative = cheaper.
+
+        Args:
+            name, reference: the policies.
+            by: "belief": of their costs; "truth": of their squared errors.
+
+        Raises:
+            InputError: a policy that was not played, or another ``by``.
+        """
+        check_choice("by", by, HALVES)
+        own, other = (self.results(check_choice("policy", each, self.played)) for each in (name, reference))
+        values = (own.cost, other.cost) if by == "belief" else (own.squared_error, other.squared_error)
+        return statistics.difference(*values, np.random.default_rng([self.seed, word("bootstrap")])).geometric
+
 
 def compare(
     env_id: str,
     policies: Mapping[str, Given | None] | Sequence[str],
     *,
     worlds: int = 200,
+    until: float | None = None,
+    by: str = "belief",
     seed: int = 0,
     jobs: int = -1,
     progress: bool = True,
@@ -83,6 +104,9 @@ def compare(
             None stands for the scheduler, the saved agent, or the system's baseline, of that name; a list of names is
             short for that. The baseline ``myopic`` is added if absent.
         worlds: how many.
+        until: play on, ``worlds`` or more, until the 95 % interval of every policy against ``myopic`` is at most this
+            many per cent wide on either side, or ``MOST_WORLDS`` are played. Only widths are looked at, not results.
+        by: which interval: of the cost by "belief", or of the squared error by "truth".
         seed: worlds, tuning worlds and the policies' own randomness follow from it.
         jobs: processes; -1 = one for each core.
         progress: show a bar on a terminal.
@@ -98,24 +122,79 @@ def compare(
     check_int("worlds", worlds, 1)
     if jobs != -1:
         check_int("jobs", jobs, 1)
-    seeds = world_seeds(seed, "test", worlds)
+    check_choice("by", by, HALVES)
+    if until is not None:
+        check_positive("until", until)
+        worlds = CHUNK * math.ceil(worlds / CHUNK)  # so that batches are the same in one call and in several
     task = make_task(env_id, parameters)
-    members = members_of(task, by_name(policies), seed, trust)
-    laws = dict(CHIRP_LAWS.added)
+    given = by_name(policies)
+    members = members_of(task, given, seed, trust)
+    seeds: list[int] = []
+    records: dict[str, list[list[Played]]] = {name: [[] for _ in those] for name, (_, those) in members.items()}
+    with kept_parts(keep, Played) as parts:
+        while len(seeds) < worlds:
+            further = world_seeds(seed, "test", worlds)[len(seeds) :]
+            _play(members, further, records, jobs, progress, parts)
+            seeds += further
+            comparison = Comparison(
+                task, seed, seeds, {name: [merged(own) for own in those] for name, those in records.items()}
+            )
+            if until is not None:
+                worlds = _enough_worlds(comparison, until, by)
+    _check_finite(comparison)
+    if until is not None:
+        _check_width(comparison, until, by)
+    _warn(comparison, [name for name, source in given.items() if source is not None or name in AGENTS])
+    return comparison
+
+
+def _play(
+    members: Members,
+    seeds: Sequence[int],
+    records: Mapping[str, Sequence[list[Played]]],
+    jobs: int,
+    progress: bool,
+    parts: Parts | None,
+) -> None:
+    """Play these worlds in chunks, and append what was played to the ``records`` of each member of every policy."""
+    laws, chunks = dict(CHIRP_LAWS.added), range(0, len(seeds), CHUNK)
     work = [
         Call(_play_warm, (own, name, policy, seeds[start : start + CHUNK], laws))
         for name, (own, those) in members.items()
         for policy in those
-        for start in range(0, worlds, CHUNK)
+        for start in chunks
     ]
-    bar = tqdm(total=len(work), desc="comparing", unit="batch", disable=None if progress else True)
-    with bar, kept_parts(keep, Played) as parts:
+    with tqdm(total=len(work), desc="comparing", unit="batch", disable=None if progress else True) as bar:
         done = iter(run_all(work, jobs, bar.update, parts))
-    chunks = range(0, worlds, CHUNK)
-    played = {name: [merged([next(done) for _ in chunks]) for _ in those] for name, (_, those) in members.items()}
-    comparison = Comparison(task, seed, seeds, played)
-    _check(comparison)
-    return comparison
+    for those in records.values():
+        for own in those:
+            own += [next(done) for _ in chunks]
+
+
+def _widest(comparison: Comparison, by: str) -> float:
+    """The greatest half width of the intervals against the baseline, in per cent; NaN if one of them is undefined."""
+    intervals = [comparison.against(name, by=by).ci or (math.nan, math.nan) for name in comparison.played]
+    return float(np.max(0.5 * np.diff(intervals)))
+
+
+def _enough_worlds(comparison: Comparison, until: float, by: str) -> int:
+    """The number of worlds after which every interval is likely to be at most ``until`` wide on either side."""
+    count, widest = len(comparison.seeds), _widest(comparison, by)
+    if not widest > until:
+        return count
+    wanted = max(count * (widest / until) ** 2, count + 1)
+    return max(count, min(CHUNK * math.ceil(wanted / CHUNK), MOST_WORLDS))
+
+
+def _check_width(comparison: Comparison, until: float, by: str) -> None:
+    """Raise an InputError for intervals that are undefined; warn of those that are still too wide."""
+    widest = _widest(comparison, by)
+    if math.isnan(widest):
+        raise InputError(f"until is {until:g}, expected two worlds or more, and costs and errors > 0 in each of them")
+    if widest > until:
+        count = len(comparison.seeds)
+        text = f"intervals are up to {widest:.3g} % wide on either side after {count} worlds, expected {until:g} %"
+        warnings.warn(text, InputWarning, stacklevel=3)
 
 
 def by_name(policies: Any) -> Mapping[str, Given | None]:
@@ -127,9 +206,9 @@ def by_name(policies: Any) -> Mapping[str, Given | None]:
     return policies if BASELINE in policies else {BASELINE: None, **policies}
 
 
-def _check(comparison: Comparison) -> None:
-    """InputError for a policy with a cost that is not finite; a warning for one that often leaves its training."""
-    for name, members in comparison.played.items():
+def _check_finite(comparison: Comparison) -> None:
+    """Raise an InputError for a policy with a cost that is not finite."""
+    for name in comparison.played:
         cost = comparison.cost(name)
         broken = int((~np.isfinite(cost)).any(axis=0).sum())
         if broken:
@@ -137,12 +216,21 @@ def _check(comparison: Comparison) -> None:
                 f"policy {name!r} has a cost that is not finite in {broken} of {cost.shape[1]} worlds, "
                 f"expected finite costs: parameters of {comparison.task.env_id} are probably out of range"
             )
+
+
+def _warn(comparison: Comparison, learned: Sequence[str]) -> None:
+    """Warn of policies that often leave their training, and of ``learned`` ones that cost more than the baseline."""
+    for name, members in comparison.played.items():
         share = float(np.mean([member.outside for member in members]))
         if share > MOST_OUTSIDE:
-            text = (
-                f"policy {name!r} takes {share:.0%} of its decisions on observations outside the range of its training"
-            )
-            warnings.warn(text, InputWarning, stacklevel=3)
+            text = f"{share:.0%} of its decisions on observations outside the range of its training"
+            warnings.warn(f"policy {name!r} takes {text}", InputWarning, stacklevel=3)
+    for name in learned:
+        more = comparison.against(name)
+        if more.value is not None and more.ci is not None and more.ci[0] > 0.0:
+            low, high = more.ci
+            known = f"policy {name!r} costs {more.value:.3g} % [{low:.3g}, {high:.3g}] more than {BASELINE!r}"
+            warnings.warn(f"{known}, which needs no training", InputWarning, stacklevel=3)
 
 
 Members = dict[str, tuple[Task, Sequence[Policy]]]
