@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from typing import Any
 
 import gymnasium as gym
@@ -43,6 +45,18 @@ def test_set_attr_sets_one_value_for_all() -> None:
         assert envs.get_attr("max_episode_steps") == (np.max(values),) * 3
     with pytest.raises(InputError, match=r"max_episode_steps is \[1, 2, 3\], expected one value for all environments"):
         envs.set_attr("max_episode_steps", [1, 2, 3])
+
+
+@pytest.mark.parametrize("name", ["q", "reward"])
+def test_a_parameter_that_would_change_nothing_is_refused(name: str) -> None:
+    """In a single environment, a copy and a vector environment that was pickled."""
+    wanted = rf"{name} is fixed, expected a new environment: gym.make\(..., {name}=1.0\)"
+    single = gym.make(ID)
+    for env in (single.unwrapped, copy.deepcopy(single.unwrapped), pickle.loads(pickle.dumps(made()))):
+        with pytest.raises(InputError, match=wanted):
+            setattr(env, name, 1.0)
+    with pytest.raises(InputError, match=wanted):
+        made().set_attr(name, 1.0)
 
 
 @pytest.mark.parametrize("action", ["library", "box"])

@@ -19,11 +19,13 @@ import numpy as np
 
 from wavegym.core.action_sets import JointLibrary, ParameterBox, PerSensorLibrary
 from wavegym.core.arrays import Array
+from wavegym.core.errors import InputError
 from wavegym.core.parameters import parameter_infos
 from wavegym.core.system import ObservationField, System
 from wavegym.core.track_loss import LOST_AFTER
 from wavegym.core.traits import TimedPulses, UnequalSteps
 from wavegym.core.worlds import draw_worlds, world_seeds
+from wavegym.envs.rewards import scale_of
 from wavegym.observations.scaling import LIMIT
 from wavegym.registration import SETTINGS, full_id
 
@@ -77,7 +79,7 @@ def describe(id: str, /, **parameters: Any) -> str:
         summary(type(system)),
         f'```python\nimport gymnasium as gym\nimport wavegym\n\nenv = gym.make("{id}"{given})\n'
         f'envs = gym.make_vec("{id}", num_envs=64{given})\n```',
-        *(_chapter(heading, section(type(system), heading)) for heading in SECTIONS),
+        *(_chapter(heading, section(type(system), heading)) + _scale(heading, system) for heading in SECTIONS),
         "## Actions",
         *(_actions(form, chosen) for form, chosen in _forms(system).items()),
         _timing(system),
@@ -104,6 +106,14 @@ def table(head: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
 
 def _chapter(heading: str, text: str) -> str:
     return f"## {heading}\n\n{text}" if text else ""
+
+
+def _scale(heading: str, system: System) -> str:
+    """The number of ``reward="scaled"``, after the rewards; "" elsewhere, and without a record."""
+    with suppress(InputError):
+        if heading == "Rewards":
+            return f'\n\n`reward="scaled"` is this over {scale_of(system):g}, the mean cost of `myopic`.'
+    return ""
 
 
 def _forms(system: System) -> dict[str, System]:

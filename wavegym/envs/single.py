@@ -15,10 +15,10 @@ from wavegym.core.system import System
 from wavegym.envs.policy_in_loop import PolicyInLoop
 from wavegym.envs.rewards import Reward
 from wavegym.envs.scenario import with_scenario
-from wavegym.envs.vector import WaveformVectorEnv
+from wavegym.envs.vector import FixedParameters, WaveformVectorEnv
 
 
-class WaveformEnv(gym.Env):
+class WaveformEnv(FixedParameters, gym.Env):
     """One closed loop in which the action is the next waveform; see ``WaveformVectorEnv`` for the arguments."""
 
     metadata: dict[str, Any] = WaveformVectorEnv.metadata
@@ -39,6 +39,7 @@ class WaveformEnv(gym.Env):
         self.system, self.render_mode = self.batch.system, self.batch.render_mode
         self.action_space, self.observation_space = self.batch.single_action_space, self.batch.single_observation_space
         self._over = False
+        self.fix(self.system)
 
     @property
     def belief(self) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -30,7 +31,24 @@ class ClosedError(InputError, ClosedEnvironmentError):
     """A closed environment was asked for a step: a user's mistake, and the error that Gymnasium raises for it."""
 
 
-class WaveformVectorEnv(VectorEnv):
+class FixedParameters:
+    """Refuses new values of the system's parameters, and of settings, as attributes: they would change nothing."""
+
+    _fixed: frozenset[str] = frozenset()
+
+    def fix(self, system: System) -> None:
+        """Refuse from now on, except for attributes that are there."""
+        parameters = [field.name for field in dataclasses.fields(system)] if dataclasses.is_dataclass(system) else []
+        self._fixed = frozenset({*parameters, *SETTINGS} - self.__dict__.keys())
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set an attribute. Raises an InputError for a parameter or a setting."""
+        if name in self._fixed:
+            raise InputError(f"{name} is fixed, expected a new environment: gym.make(..., {name}={value!r})")
+        super().__setattr__(name, value)
+
+
+class WaveformVectorEnv(FixedParameters, VectorEnv):
     """A batch of closed loops in which the action is the next waveform.
 
     Args:
@@ -87,6 +105,7 @@ class WaveformVectorEnv(VectorEnv):
             from wavegym.envs.film import Film
 
             self._film = Film(self.system, self.num_envs)
+        self.fix(self.system)
 
     @property
     def belief(self) -> Any:
