@@ -177,6 +177,19 @@ def test_methods_and_attributes_are_shared_out() -> None:
         env.set_attr("max_episode_steps", 3, indices=[0])
 
 
+def test_parameters_change_at_a_reset() -> None:
+    env = SB3VecEnv(ID, num_envs=COUNT)
+    env.set_options({"parameters": {"q": 7.0}})
+    env.seed(5)
+    changed, fresh = env.reset(), SB3VecEnv(ID, num_envs=COUNT, q=7.0)
+    fresh.seed(5)
+    np.testing.assert_array_equal(changed, fresh.reset())
+    assert env.get_attr("system")[0].q == 7.0
+    with pytest.raises(InputError, match="q is fixed in an episode"):
+        env.set_attr("q", 1.0)
+    np.testing.assert_array_equal(env.step(np.zeros(COUNT, np.int64))[1], fresh.step(np.zeros(COUNT, np.int64))[1])
+
+
 def test_pickled_in_the_middle_of_an_episode_it_goes_on() -> None:
     env = SB3VecEnv(ID, COUNT, horizon=6, reward="relative")
     env.seed(3)

@@ -47,16 +47,66 @@ def test_set_attr_sets_one_value_for_all() -> None:
         envs.set_attr("max_episode_steps", [1, 2, 3])
 
 
-@pytest.mark.parametrize("name", ["q", "reward"])
-def test_a_parameter_that_would_change_nothing_is_refused(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "way"), [("q", r"reset\(options={'parameters': {'q': 1.0}}\)"), ("reward", r"gym.make\(..., reward=1.0\)")]
+)
+def test_a_parameter_that_would_change_nothing_is_refused(name: str, way: str) -> None:
     """In a single environment, a copy and a vector environment that was pickled."""
-    wanted = rf"{name} is fixed, expected a new environment: gym.make\(..., {name}=1.0\)"
+    wanted = rf"{name} is fixed in an episode, expected .*{way}"
     single = gym.make(ID)
     for env in (single.unwrapped, copy.deepcopy(single.unwrapped), pickle.loads(pickle.dumps(made()))):
         with pytest.raises(InputError, match=wanted):
             setattr(env, name, 1.0)
     with pytest.raises(InputError, match=wanted):
         made().set_attr(name, 1.0)
+
+
+def test_parameters_may_change_between_episodes() -> None:
+    """As in a new environment with these parameters and seeds, in both forms; a scheduler takes them up."""
+    changed = {"q": 7.0, "horizon": 5}
+    envs, single = made(), gym.make(ID).unwrapped
+    policy, one = envs.policy("myopic"), single.policy("myopic")
+    other = made(**changed)
+    others = other.policy("myopic")
+    for env in (envs, single):
+        env.reset(seed=1)
+        env.reset(seed=3, options={"parameters": changed})
+        assert (env.system.q, env.system.horizon) == (7.0, 5)
+    other.reset(seed=3)
+    for _ in range(5):
+        expected = other.step(others())
+        for found, row in ((envs.step(policy()), slice(None)), (single.step(one()), 0)):
+            for mine, its in zip(found[:4], expected[:4], strict=True):
+                np.testing.assert_array_equal(mine, its[row])
+    assert expected[2].all()
+    envs.reset()  # they stay
+    assert envs.system.q == 7.0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"parameters": {"qq": 1.0}}, "unexpected keyword argument 'qq'; did you mean 'q'"),
+        ({"parameters": {"q": -1.0}}, "q is -1.0"),
+        ({"parameters": {"durations": (1e-5, 2e-5)}}, "has durations, expected parameters that keep observations and"),
+        (
+            {"parameters": {"model": "ca", "weights": (1, 0, 0), "prior_variance": (1, 1, 1)}},
+            "has model, weights, prior",
+        ),
+        ({"parameters": 3}, "is 3, expected a dictionary by name"),
+        ({"parameters": {"q": 1.0}, "reset_mask": np.array([True, False, False])}, "environments share one system"),
+        ({"parameter": {}}, "option is 'parameter', expected .*did you mean 'parameters'"),
+    ],
+)
+def test_parameters_that_cannot_change_are_refused_and_nothing_changes(options: Any, message: str) -> None:
+    envs, other = made(), made()
+    for env in (envs, other):
+        env.reset(seed=1)
+    with pytest.raises(InputError, match=message):
+        envs.reset(seed=2, options=options)
+    for mine, its in zip(envs.step(np.zeros(3, int))[:4], other.step(np.zeros(3, int))[:4], strict=True):
+        np.testing.assert_array_equal(mine, its)
+    np.testing.assert_array_equal(envs.reset()[0], other.reset()[0])
 
 
 @pytest.mark.parametrize("action", ["library", "box"])

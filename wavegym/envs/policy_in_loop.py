@@ -9,6 +9,7 @@ import numpy as np
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.policy import Clairvoyant, Policy
+from wavegym.core.system import System
 from wavegym.core.worlds import tuning_tapes, word
 from wavegym.observations.observer import Observer
 from wavegym.schedulers.registry import make_policy
@@ -33,14 +34,19 @@ class PolicyInLoop:
     """
 
     def __init__(self, envs: Any, policy: str | Policy, seed: int = 0, is_single: bool = False) -> None:
-        self._envs, self._is_single, system = envs, is_single, envs.system
-        check_int("seed", seed, 0)
+        self._envs, self._is_single = envs, is_single
+        self._given, self._seed = policy, check_int("seed", seed, 0)
+        self._begin(envs.system)
+
+    def _begin(self, system: System) -> None:
+        """Take up the policy for this system."""
+        policy = self._given
         if isinstance(policy, str):
-            policy = make_policy(policy, system, tuning_tapes(system.belief_model, seed))
+            policy = make_policy(policy, system, tuning_tapes(system.belief_model, self._seed))
         if isinstance(policy, type) or not isinstance(policy, Policy):
             raise InputError(f"policy is {policy!r}, expected the name of a scheduler, or a Policy with begin and act")
-        self._policy, self._observer = policy, Observer(system)
-        policy.begin(system, envs.num_envs, np.random.default_rng([word("policy"), seed]))
+        self._system, self._policy, self._observer = system, policy, Observer(system)
+        policy.begin(system, self._envs.num_envs, np.random.default_rng([word("policy"), self._seed]))
 
     def __call__(self) -> Array:
         """Actions (env, ...), or one action of a single environment.
@@ -49,6 +55,8 @@ class PolicyInLoop:
             InputError: before the first reset.
         """
         system, belief = self._envs.system, self._envs.belief
+        if system is not self._system:  # new parameters since the last reset
+            self._begin(system)
         if isinstance(self._policy, Clairvoyant) and (belief.step == 0).any():
             self._policy.reveal(self._envs.world)
         observation, _ = self._observer(belief)

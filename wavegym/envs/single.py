@@ -36,10 +36,15 @@ class WaveformEnv(FixedParameters, gym.Env):
                 raise InputError(f"{name} is a setting of vector environments, expected gym.make_vec(id, {name}=...)")
         self.batch = WaveformVectorEnv(system, 1, reward=reward, render_mode=render_mode, **parameters)
         self.metadata = dict(WaveformVectorEnv.metadata)  # a copy: Gymnasium 1.2's SyncVectorEnv writes into it
-        self.system, self.render_mode = self.batch.system, self.batch.render_mode
+        self.render_mode = self.batch.render_mode
         self.action_space, self.observation_space = self.batch.single_action_space, self.batch.single_observation_space
         self._over = False
         self.fix(self.system)
+
+    @property
+    def system(self) -> System:
+        """The closed loop; ``reset(options={"parameters": ...})`` may change it."""
+        return self.batch.system
 
     @property
     def belief(self) -> Any:

@@ -44,7 +44,9 @@ class FixedParameters:
     def __setattr__(self, name: str, value: Any) -> None:
         """Set an attribute. Raises an InputError for a parameter or a setting."""
         if name in self._fixed:
-            raise InputError(f"{name} is fixed, expected a new environment: gym.make(..., {name}={value!r})")
+            new = f"a new environment: gym.make(..., {name}={value!r})"
+            changed = f"reset(options={{'parameters': {{{name!r}: {value!r}}}}})"
+            raise InputError(f"{name} is fixed in an episode, expected {new if name in SETTINGS else changed}")
         super().__setattr__(name, value)
 
 
@@ -94,18 +96,22 @@ class WaveformVectorEnv(FixedParameters, VectorEnv):
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.num_threads = check_int("num_threads", num_threads, 1)
         shown = forecasts, measurements, observation
-        self.episodes = Episodes(self.system, self.num_envs, make_reward(reward), *shown, self.num_threads)
+        self._settings = make_reward(reward), *shown, self.num_threads
+        self.episodes = Episodes(self.system, self.num_envs, *self._settings)
         self._reader = action_reader(self.system)
         self.single_action_space, self.single_observation_space = self._reader.space, self.episodes.observer.space
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._ended, self._some_ended = np.zeros(self.num_envs, np.bool_), False
-        self._film = None
-        if self.render_mode is not None:
-            from wavegym.envs.film import Film
-
-            self._film = Film(self.system, self.num_envs)
+        self._film = self._new_film()
         self.fix(self.system)
+
+    def _new_film(self) -> Any:
+        if self.render_mode is None:
+            return None
+        from wavegym.envs.film import Film
+
+        return Film(self.system, self.num_envs)
 
     @property
     def belief(self) -> Any:
@@ -144,14 +150,18 @@ class WaveformVectorEnv(FixedParameters, VectorEnv):
 
         Args:
             seed: None (continue with each environment's generator), s (environment i is seeded with s + i) or a list.
-            options: {"reset_mask": bool array (env,)}; read, never changed.
+            options: {"reset_mask": bool array (env,), "parameters": {name: value}}; read, never changed. New values of
+                parameters hold from this reset on, in all environments.
 
         Raises:
-            InputError: a seed that is not an integer >= 0, a wrong mask or option; all generators are unchanged.
+            InputError: a seed that is not an integer >= 0, a wrong mask, option or parameter, or a parameter on which
+                observations or actions depend; environments and generators are unchanged.
             ClosedError: after ``close``.
         """
         self._check_open()
         rows = self._rows_to_reset(options)
+        if "parameters" in (options or {}):
+            self._take_over(options["parameters"], rows)  # type: ignore[index]
         for i, s in enumerate(seed_list(seed, self.num_envs)):
             if s is not None and rows[i]:
                 self.episodes.seed(i, s)
@@ -273,11 +283,30 @@ class WaveformVectorEnv(FixedParameters, VectorEnv):
         self._ended, self._some_ended = np.zeros(self.num_envs, np.bool_), False
         return self.episodes.observe()
 
+    def _take_over(self, parameters: Any, rows: Array) -> None:
+        """New values of the system's parameters; the generators of worlds go on."""
+        if not isinstance(parameters, Mapping):
+            raise InputError(f"options['parameters'] is {parameters!r}, expected a dictionary by name")
+        if not rows.all():
+            raise InputError("options has parameters and a reset_mask, expected one: environments share one system")
+        system = build_system(self.system, dict(parameters), SETTINGS)
+        episodes = Episodes(system, self.num_envs, *self._settings)
+        meanings = [
+            (each.system.actions, [field[:4] for field in each.observer.observation_fields])
+            for each in (self.episodes, episodes)
+        ]
+        if meanings[0] != meanings[1]:
+            kept = "parameters that keep observations and actions (nearest: a new environment of gym.make)"
+            raise InputError(f"options['parameters'] has {', '.join(parameters)}, expected {kept}")
+        episodes.generators, episodes.seeds = self.episodes.generators, self.episodes.seeds
+        self.system, self.episodes, self._reader = system, episodes, action_reader(system)
+        self._film = self._new_film()
+
     def _rows_to_reset(self, options: dict[str, Any] | None) -> Array:
         """The environments to reset, (env,) bool."""
         options = options or {}
         for key in options:
-            check_choice("option", key, ["reset_mask"])
+            check_choice("option", key, ["reset_mask", "parameters"])
         if "reset_mask" not in options:
             return np.ones(self.num_envs, np.bool_)
         mask = options["reset_mask"]
