@@ -30,12 +30,11 @@ HEAD = ("seed", "steps", *OPPONENTS)
 START, END = "<!-- made by `python -m agents.stock_learner`: -->", "<!-- stock learner to here -->"
 
 
-def against_opponents(model: Any) -> list[float]:
+def against_opponents(model: Any) -> list[Any]:
     """Cost of a model in per cent against each opponent, geometric, on the same worlds."""
     found = compare(ENV_ID, {"mine": model, REFERENCE: None, "myopic:lags": None}, worlds=WORLDS, seed=SEED, jobs=1,
                     progress=False)  # fmt: skip
-    logs = {name: np.log(found.cost(name)[0]) for name in found.played}
-    return [float(100.0 * np.expm1((logs["mine"] - logs[name]).mean())) for name in OPPONENTS]
+    return [found.against("mine", name).value for name in OPPONENTS]
 
 
 def train(seed: int, steps: int = STEPS, every: int = EVERY) -> list[list[float]]:

@@ -178,17 +178,13 @@ def test_stopping_at_a_width_keeps_the_coverage():
             self.costs = rng.lognormal(np.log(ratio), 0.5, (1, 5000))
             self.count = 50
 
-        @property
-        def seeds(self):
-            return range(self.count)
-
         def against(self, name, by):
             values = self.costs[:, : self.count]
             return statistics.difference(values, np.ones_like(values), np.random.default_rng(0)).geometric
 
     for _ in range(repeats):
         drawn = Drawn()
-        while (worlds := module._enough_worlds(drawn, 6.0, "belief")) > drawn.count:
+        while (worlds := module._enough_worlds(drawn.count, module._widest(drawn, "belief"), 6.0)) > drawn.count:
             drawn.count = worlds
         low, high = drawn.against("mine", "belief").ci
         covered += low <= 100.0 * (ratio - 1.0) <= high

@@ -22,7 +22,7 @@ from wavegym.core.traits import UnequalSteps
 from wavegym.schedulers import Myopic, rollout
 from wavegym.schedulers.heuristics.grids import HEURISTICS
 from wavegym.schedulers.registry import check_not_renamed
-from wavegym.schedulers.tuned_constants import SIMPLE, recorded, records, tuned_heuristic
+from wavegym.schedulers.tuned_constants import SIMPLE, record_key, recorded, records, tuned_heuristic
 
 
 class Transition(NamedTuple):
@@ -91,7 +91,7 @@ def scale_of(system: System) -> float:
         InputError: no class of the system's has such a record.
     """
     for kind in type(system).__mro__:
-        if cost := records().get(f"{kind.__module__}:{kind.__qualname__}", {}).get("costs", {}).get("myopic"):
+        if cost := records().get(record_key(kind), {}).get("costs", {}).get("myopic"):
             return float(cost)
     wanted = f"'cost' (nearest), or Scaled with a number: {type(system).__name__} has no cost on record"
     raise InputError(f"reward is 'scaled', expected {wanted}")

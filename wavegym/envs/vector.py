@@ -292,7 +292,7 @@ class WaveformVectorEnv(FixedParameters, VectorEnv):
         system = build_system(self.system, dict(parameters), SETTINGS)
         episodes = Episodes(system, self.num_envs, *self._settings)
         meanings = [
-            (each.system.actions, [field[:4] for field in each.observer.observation_fields])
+            (each.system.actions, [(f.name, f.centre, f.scale) for f in each.observer.observation_fields])
             for each in (self.episodes, episodes)
         ]
         if meanings[0] != meanings[1]:

@@ -140,10 +140,11 @@ def compare(
                 task, seed, seeds, {name: [merged(own) for own in those] for name, those in records.items()}
             )
             if until is not None:
-                worlds = _enough_worlds(comparison, until, by)
+                widest = _widest(comparison, by)
+                worlds = _enough_worlds(len(seeds), widest, until)
     _check_finite(comparison)
     if until is not None:
-        _check_width(comparison, until, by)
+        _check_width(len(seeds), widest, until)
     _warn(comparison, [name for name, source in given.items() if source is not None or name in AGENTS])
     return comparison
 
@@ -177,22 +178,22 @@ def _widest(comparison: Comparison, by: str) -> float:
     return float(np.max(0.5 * np.diff(intervals)))
 
 
-def _enough_worlds(comparison: Comparison, until: float, by: str) -> int:
-    """The number of worlds after which every interval is likely to be at most ``until`` wide on either side."""
-    count, widest = len(comparison.seeds), _widest(comparison, by)
+def _enough_worlds(count: int, widest: float, until: float) -> int:
+    """The number of worlds after which every interval is likely to be at most ``until`` wide on either side.
+
+    ``widest``: the greatest half width after ``count`` worlds.
+    """
     if not widest > until:
         return count
     wanted = max(count * (widest / until) ** 2, count + 1)
     return max(count, min(CHUNK * math.ceil(wanted / CHUNK), MOST_WORLDS))
 
 
-def _check_width(comparison: Comparison, until: float, by: str) -> None:
+def _check_width(count: int, widest: float, until: float) -> None:
     """Raise an InputError for intervals that are undefined; warn of those that are still too wide."""
-    widest = _widest(comparison, by)
     if math.isnan(widest):
         raise InputError(f"until is {until:g}, expected two worlds or more, and costs and errors > 0 in each of them")
     if widest > until:
-        count = len(comparison.seeds)
         text = f"intervals are up to {widest:.3g} % wide on either side after {count} worlds, expected {until:g} %"
         warnings.warn(text, InputWarning, stacklevel=3)
 

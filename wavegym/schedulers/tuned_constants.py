@@ -71,9 +71,10 @@ def records() -> dict[str, dict[str, Any]]:
     return table
 
 
-def record_key(system: System) -> str:
+def record_key(system: System | type) -> str:
     """``"package.module:Class"``: a class of the same name in another module has a different record, or none."""
-    return f"{type(system).__module__}:{type(system).__qualname__}"
+    kind = system if isinstance(system, type) else type(system)
+    return f"{kind.__module__}:{kind.__qualname__}"
 
 
 def recorded(system: System) -> dict[str, Any]:

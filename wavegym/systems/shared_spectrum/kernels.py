@@ -173,8 +173,8 @@ def remember_one(e, k, row, b, noise, known, band, heard, sent, level):
     """
     struck, inside = 0.0, k < sent.shape[1]
     for c in range(noise.shape[1]):
-        if is_busy(half_decibels(noise[e, c])):
-            struck += b >= 0 and band.first[b] <= c < band.first[b] + band.width[b]
+        if b >= 0 and band.first[b] <= c < band.first[b] + band.width[b]:
+            struck += is_busy(half_decibels(noise[e, c]))
         if inside and row >= 0:
             heard[e, row, c] = half_decibels(known[e, c])
             if is_busy(heard[e, row, c]):
