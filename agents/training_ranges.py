@@ -24,7 +24,9 @@ def note(folder: Path) -> None:
     """Add the range of a run to its record."""
     run = read_run(folder / RUN)
     settings = run["settings"]
-    policy = LearnedPolicy(read_network(folder, run), bool(settings.get("forecasts", False)))
+    policy = LearnedPolicy(
+        read_network(folder, run), bool(settings.get("forecasts", False)), settings.get("candidates")
+    )
     found = range_in_training(policy, run["env"], run["seed"], settings["environment"], settings.get("variants", ()))
     write_whole(folder, {RUN: (json.dumps({**run, RANGE_KEY: found.record()}, indent=2) + "\n").encode()})
 

@@ -20,6 +20,7 @@ from wavegym.evaluation import compare
 from wavegym.learning.settings import load_settings
 from wavegym.learning.train import train
 from wavegym.learning.training_run import TrainingRun
+from wavegym.policies.onnx_files import export_onnx
 from wavegym.policies.runs import load_policy, signature
 
 ID = "tests/TwoSensors-v0"
@@ -49,6 +50,27 @@ def test_an_agent_of_each_form_is_trained_loaded_and_compared(algo: str, form: s
     env.step(policy.act(env.belief, observation, None))
     comparison = compare(ID, {"agent": folder}, worlds=4, jobs=1, action=form)
     assert np.isfinite(comparison.cost("agent")).all()
+
+
+@pytest.mark.parametrize(("algo", "form"), [("ppo", "library"), ("dqn", "box")])
+@pytest.mark.parametrize("policy", ["mlp", "scorer"])
+def test_an_agent_of_a_short_list_is_trained_loaded_exported_and_compared(
+    algo: str, form: str, policy: str, tmp_path: Path
+) -> None:
+    listed = {"candidates": 4, "policy": policy, "network": (8,)}
+    settings = load_settings(ID, algo, {**SMALL[algo], "steps": 90, **listed}, {"action": form})
+    train(TrainingRun(ID, algo, 1, settings), tmp_path / "run", 60, progress=False)
+    export_onnx(tmp_path / "run", tmp_path / "agent.onnx")
+    agents = {"run": tmp_path / "run", "file": str(tmp_path / "agent.onnx")}
+    played = compare(ID, agents, worlds=4, jobs=1, progress=False, action=form)
+    assert np.isfinite(played.cost("run")).all()
+    np.testing.assert_array_equal(played.cost("run"), played.cost("file"))
+
+
+def test_a_teacher_of_an_agent_of_a_short_list_is_refused(tmp_path: Path) -> None:
+    settings = load_settings(ID, "ppo", {**SMALL["ppo"], "candidates": 4, "teacher": "myopic"})
+    with pytest.raises(InputError, match=r"teacher is 'myopic' with candidates=4, expected '' \(nearest\): a teacher"):
+        train(TrainingRun(ID, "ppo", 1, settings), tmp_path / "run", 60, progress=False)
 
 
 def test_an_agent_of_another_form_or_sub_library_is_refused(tmp_path: Path) -> None:
@@ -83,5 +105,5 @@ def test_signatures_tell_action_sets_apart() -> None:
 def test_dqn_is_pointed_to_the_joint_form(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main([ID, "--algo", "dqn", "--out", str(tmp_path / "run"), "--quiet"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "dqn cannot choose from MultiDiscrete([3 3]), expected a finite library, the joint one" in line
+    assert "dqn cannot choose from MultiDiscrete([3 3]), expected candidates=K, or a joint library" in line
     assert not (tmp_path / "run").exists()

@@ -12,6 +12,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, WrongTypeError
 from wavegym.core.system import System
 from wavegym.envs import action_kernels
+from wavegym.observations.shortlist import Shortlist
 
 NOBODY = np.zeros(0, np.bool_)  # whose action is ignored
 
@@ -78,6 +79,26 @@ class IndexReader:
         return InputError(f"action{sensor} is {wrong}, expected {wanted}")
 
 
+class RankReader(IndexReader):
+    """One rank in the ``Shortlist`` of the belief before the step, in place of an action."""
+
+    def __init__(self, system: System, shortlist: Shortlist) -> None:
+        self.system, self.count, self.shape = system, shortlist.count, ()
+        self.space, self._is_masked, self._shortlist = spaces.Discrete(self.count), False, shortlist
+
+    def read(self, actions: Any, belief: Any, ignored: Array | None) -> Array:
+        """See ``ActionReader``."""
+        ranks = super().read(actions, belief, ignored)
+        listed = self._shortlist(belief)
+        if self.system.strict:
+            _check_mask(ranks, listed.allowed, ignored)
+        return listed.actions[np.arange(len(ranks)), ranks]
+
+    def transition_info(self, actions: Any, chosen: Array) -> dict[str, Array]:
+        """The actions of these ranks, (env, ...)."""
+        return {"sent": chosen.copy()}
+
+
 class BoxReader:
     """A point of [-1, 1]^d; finite values outside are clipped and flagged, for agents with unclipped Gaussians."""
 
@@ -108,13 +129,15 @@ class BoxReader:
         return {"parameters": self.box.decode(chosen), "action_clipped": clipped}
 
 
-def action_reader(system: System) -> ActionReader:
-    """The reader for the system's action set.
+def action_reader(system: System, shortlist: Shortlist | None = None) -> ActionReader:
+    """The reader for the system's action set, or for ranks in a list of its actions.
 
     Raises:
         InputError: the system masks the actions of a PerSensorLibrary.
     """
     actions = system.actions
+    if shortlist is not None:
+        return RankReader(system, shortlist)
     if isinstance(actions, PerSensorLibrary) and type(system).mask is not System.mask:
         wanted = "none with a PerSensorLibrary: limits that couple sensors need the joint form, a JointLibrary"
         raise InputError(f"{type(system).__name__} has a mask of its own, expected {wanted}")

@@ -67,10 +67,11 @@ class Episodes:
         measurements: whether a step also returns the measurements of the sensors.
         observation: "belief", or "measurements" for the measurements of the sensors alone.
         num_threads: number of threads in which the episodes advance.
+        candidates: length of the list from which agents choose, see ``Observer``; None: from all actions.
 
     Raises:
         InputError: measurements of a system that does not measure apart from tracking; another observation, one
-            that the system does not have, or forecasts beside measurements.
+            that the system does not have, or forecasts or candidates beside measurements.
     """
 
     def __init__(
@@ -82,6 +83,7 @@ class Episodes:
         measurements: bool = False,
         observation: str = "belief",
         num_threads: int = 1,
+        candidates: int | None = None,
     ) -> None:
         if measurements and type(system).measure is System.measure:
             wanted = f"False (nearest): {type(system).__name__} has no method measure"
@@ -89,10 +91,11 @@ class Episodes:
         self.system, self.num_envs, self.reward, self.measurements = system, num_envs, reward, measurements
         self.observer: Observer | MeasurementObserver
         if check_choice("observation", observation, ("belief", "measurements")) == "belief":
-            self.observer = Observer(system, forecasts)
-        elif forecasts:
-            wanted = "False: forecasts tell the belief"
-            raise InputError(f"forecasts is True with observation='measurements', expected {wanted}")
+            self.observer = Observer(system, forecasts, candidates)
+        elif forecasts or candidates is not None:
+            given = "forecasts is True" if forecasts else f"candidates is {candidates}"
+            wanted = "False: forecasts tell the belief" if forecasts else "None: their forecasts tell the belief"
+            raise InputError(f"{given} with observation='measurements', expected {wanted}")
         else:
             self.observer = MeasurementObserver(system)
         self._threads = num_threads

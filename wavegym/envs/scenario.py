@@ -24,7 +24,13 @@ from wavegym.registration import SETTINGS, SHELL, full_id, registered_system
 
 ID, TRUTH = "id", "truth"
 # That a scenario may state, with the defaults.
-OWN_SETTINGS = {"reward": "cost", "forecasts": False, "measurements": False, "observation": "belief"}
+OWN_SETTINGS = {
+    "reward": "cost",
+    "forecasts": False,
+    "candidates": None,
+    "measurements": False,
+    "observation": "belief",
+}
 WIDTH = 100  # of comments
 
 

@@ -55,9 +55,9 @@ class WaveformVectorEnv(FixedParameters, VectorEnv):
 
     Args:
         system: the closed loop: a System, its class, or ``"package.module:Class"``.
-        num_envs, reward, render_mode, autoreset_mode, max_episode_steps, forecasts, measurements, observation,
-            num_threads: the settings of every environment; ``wavegym.registration.SETTINGS`` holds their meaning, and
-            ``wavegym.describe`` lists them.
+        num_envs, reward, render_mode, autoreset_mode, max_episode_steps, forecasts, candidates, measurements,
+            observation, num_threads: the settings of every environment; ``wavegym.registration.SETTINGS`` holds their
+            meaning, and ``wavegym.describe`` lists them.
         **parameters: the system's parameters.
 
     Raises:
@@ -76,6 +76,7 @@ class WaveformVectorEnv(FixedParameters, VectorEnv):
         autoreset_mode: str = "NextStep",
         max_episode_steps: int | None = None,
         forecasts: bool = False,
+        candidates: int | None = None,
         measurements: bool = False,
         observation: str = "belief",
         num_threads: int = 1,
@@ -96,9 +97,9 @@ class WaveformVectorEnv(FixedParameters, VectorEnv):
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.num_threads = check_int("num_threads", num_threads, 1)
         shown = forecasts, measurements, observation
-        self._settings = make_reward(reward), *shown, self.num_threads
+        self._settings = make_reward(reward), *shown, self.num_threads, candidates
         self.episodes = Episodes(self.system, self.num_envs, *self._settings)
-        self._reader = action_reader(self.system)
+        self._reader = action_reader(self.system, self.episodes.observer.shortlist)
         self.single_action_space, self.single_observation_space = self._reader.space, self.episodes.observer.space
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -136,7 +137,8 @@ class WaveformVectorEnv(FixedParameters, VectorEnv):
 
     def action_masks(self) -> Array:
         """Which actions are allowed now, (env, actions) bool; of a MultiDiscrete, sensor after sensor."""
-        return self.system.mask(self.episodes.state.belief)
+        belief, shortlist = self.episodes.state.belief, self.episodes.observer.shortlist
+        return shortlist(belief).allowed if shortlist else self.system.mask(belief)
 
     def policy(self, policy: str | Policy, seed: int = 0) -> PolicyInLoop:
         """A scheduler by name, or a Policy, that follows this environment: ``actions = policy()`` before each step.
@@ -299,7 +301,8 @@ class WaveformVectorEnv(FixedParameters, VectorEnv):
             kept = "parameters that keep observations and actions (nearest: a new environment of gym.make)"
             raise InputError(f"options['parameters'] has {', '.join(parameters)}, expected {kept}")
         episodes.generators, episodes.seeds = self.episodes.generators, self.episodes.seeds
-        self.system, self.episodes, self._reader = system, episodes, action_reader(system)
+        self.system, self.episodes = system, episodes
+        self._reader = action_reader(system, episodes.observer.shortlist)
         self._film = self._new_film()
 
     def _rows_to_reset(self, options: dict[str, Any] | None) -> Array:

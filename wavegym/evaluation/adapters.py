@@ -216,10 +216,11 @@ class _Adapted:
     Args:
         name: of the policy, in error messages.
         fields: length of the observations that it was made for; None for any length.
+        choices: number of actions or ranks among which it was made to choose; None where it chooses otherwise.
     """
 
-    def __init__(self, name: str, fields: int | None = None) -> None:
-        self.name, self.fields = name, fields
+    def __init__(self, name: str, fields: int | None = None, choices: int | None = None) -> None:
+        self.name, self.fields, self.choices = name, fields, choices
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``.
@@ -232,7 +233,8 @@ class _Adapted:
             self._observer = Observer(system)
         elif self.fields != _measured_fields(system):
             self._observer = self._with_forecasts(system)
-        self._space = action_reader(system).space
+        self._shortlist = self._observer.shortlist if self._observer else None
+        self._space = action_reader(system, self._shortlist).space
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``.
@@ -245,8 +247,10 @@ class _Adapted:
                 wanted = "an environment with observation='measurements'"
                 raise InputError(f"policy {self.name!r} takes observations of measurements, expected {wanted}")
             observation, _ = self._observer(belief)
-        chosen = self.answer(observation, belief, mask)
-        return self._checked(chosen, len(observation))
+        if self._shortlist is None:
+            return self._checked(self.answer(observation, belief, mask), len(observation))
+        ranks = self._checked(self.answer(observation, belief, self._shortlist(belief).allowed), len(observation))
+        return self._shortlist.taken(belief, ranks)
 
     def _with_forecasts(self, system: System) -> Observer:
         """Observations with forecasts, which the policy was made for. InputError if it was not."""
@@ -257,6 +261,10 @@ class _Adapted:
             if self.fields == len(observer.observation_fields):
                 return observer
             wanted = f"{own}, or {len(observer.observation_fields)} with forecasts"
+        with suppress(InputError):  # a system without a short list
+            observer = Observer(system, candidates=self.choices)
+            if self.fields == len(observer.observation_fields):
+                return observer
         raise InputError(f"policy {self.name!r} takes observations of {self.fields} elements, expected {wanted}")
 
     def answer(self, observation: Array, belief: Any, mask: Array | None) -> Any:
@@ -319,7 +327,9 @@ class PredictPolicy(_Adapted):
         network: Any = getattr(model, "policy", None)
         self.model: Any = network if hasattr(network, "predict") else model
         shape = getattr(getattr(model, "observation_space", None), "shape", None)
-        super().__init__(name, None if shape is None else int(np.prod(shape)))
+        choices = getattr(getattr(model, "action_space", None), "n", None)
+        fields = None if shape is None else int(np.prod(shape))
+        super().__init__(name, fields, None if choices is None else int(choices))
         self._taken = frozenset(inspect.signature(self.model.predict).parameters)
         self.forget()
 

@@ -31,7 +31,7 @@ BASE_SEED = 0  # of training worlds; test worlds differ from them for every seed
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 # Settings that Stable-Baselines3 does not know.
 OURS = (
-    *("steps", "num_envs", "reward", "forecasts", "policy", "network", "activation", "learning_rate"),
+    *("steps", "num_envs", "reward", "forecasts", "candidates", "policy", "network", "activation", "learning_rate"),
     *("environment", "variants"),
     *(
         "masks",
@@ -123,7 +123,11 @@ def _environments(run: TrainingRun, count: int) -> BatchedVecEnv:
             differ in their meaning.
     """
     settings = run.settings
-    shell = {"reward": settings.reward, "forecasts": settings.forecasts}
+    shell = {
+        "reward": settings.reward,
+        "forecasts": settings.forecasts,
+        "candidates": settings.candidates or None,
+    }
     variants = [{**settings.environment, **own} for own in settings.variants or ({},)]
     parts = [SB3VecEnv(run.env, count, **shell, **variant) for variant in variants]
     _check_alike(parts, variants, settings.policy)
@@ -131,8 +135,11 @@ def _environments(run: TrainingRun, count: int) -> BatchedVecEnv:
     if not isinstance(env.action_space, spaces.Discrete):
         for name, asked in (("dqn", run.algo == "dqn"), ("a scorer", settings.policy == "scorer")):
             if asked:
-                wanted = "a finite library, the joint one where there are several sensors (or --algo ppo, policy=mlp)"
+                wanted = "candidates=K, or a joint library where there are several sensors (or --algo ppo, policy=mlp)"
                 raise InputError(f"{name} cannot choose from {env.action_space}, expected {wanted}")
+    if settings.teacher and env.get_attr("episodes", 0)[0].observer.shortlist:
+        wanted = "'' (nearest): a teacher names actions, and the agent names ranks in a short list"
+        raise InputError(f"teacher is {settings.teacher!r} with candidates={settings.candidates}, expected {wanted}")
     if discounts_seconds(settings) and not isinstance(env.get_attr("system", 0)[0], UnequalSteps):
         raise InputError(f"discount is 'second', expected 'step' (nearest): all steps of {run.env} are of one length")
     if (modes := _modes(settings)) > 1 and not isinstance(env.action_space, spaces.Box):

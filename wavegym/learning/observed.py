@@ -13,7 +13,7 @@ from wavegym.core.system import System
 from wavegym.evaluation import make_task, training_seeds
 from wavegym.evaluation.play import play
 from wavegym.learning.models import BASE_SEED
-from wavegym.observations.forecasts import Forecasts
+from wavegym.observations.observer import Observer
 from wavegym.policies.networks import LearnedPolicy, TrainingRange
 
 ENVS = 128  # episodes, in equal parts of all variants
@@ -56,7 +56,8 @@ class _Watched:
         """See ``Policy``."""
         self.policy.begin(system, num_envs, rng)
         self._own = 0 if self.policy.network.is_alike else len(system.observation_fields)
-        self._forecasts = len(Forecasts(system).candidate_fields) if self.policy.forecasts else 0
+        shown = Observer(system, self.policy.forecasts, self.policy.candidates).forecasts
+        self._forecasts = len(shown.candidate_fields) if shown else 0
 
     def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
         """See ``Policy``."""

@@ -29,6 +29,7 @@ from wavegym.core.system import System
 from wavegym.core.traits import TrackSlots
 from wavegym.learning.pooling_kernels import share_gradient
 from wavegym.observations.forecasts import PRESENT
+from wavegym.observations.shortlist import SEVERAL
 
 FAR_BELOW = -1e9  # added to features of candidates that do not count, before a maximum
 
@@ -54,7 +55,9 @@ class Layout(NamedTuple):
     def of(cls, observation: spaces.Box, actions: spaces.Discrete, system: System) -> Layout:
         """The layout in an environment of a system."""
         own, count = len(system.observation_fields), int(actions.n)
-        return cls(own, count, (observation.shape[0] - own) // count, pairs(system), isinstance(system, TrackSlots))
+        is_listed = isinstance(system.actions, SEVERAL) or count < len(system.candidates())
+        of_targets = ((),) * count if is_listed else pairs(system)
+        return cls(own, count, (observation.shape[0] - own) // count, of_targets, isinstance(system, TrackSlots))
 
 
 def pairs(system: System) -> tuple[tuple[int, ...], ...]:

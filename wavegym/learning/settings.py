@@ -20,6 +20,7 @@ SHELL = {
     "num_envs": "--setting num_envs=N",
     "reward": "--setting reward=NAME",
     "forecasts": "--setting forecasts=true",
+    "candidates": "--setting candidates=K",
     "measurements": "none: agents read no measurements from info",
     "observation": "none: agents observe the belief",
     "autoreset_mode": "none: training needs SameStep",
@@ -51,6 +52,7 @@ class Settings:
         num_envs: number of environments in the batch.
         reward: the environment's training reward.
         forecasts: whether the observation holds forecasts of each candidate.
+        candidates: length of the short list from which the agent chooses; 0: it chooses from all actions.
         policy: "mlp", or "scorer": one network that scores every candidate alike (``learning.scorer``).
         network: widths of the hidden layers; for a scorer, of the trunk and of each round after the trunk.
         activation: of the hidden layers.
@@ -77,6 +79,7 @@ class Settings:
     num_envs: Count
     reward: str
     forecasts: bool
+    candidates: NonNegativeCount
     policy: Literal["mlp", "scorer"]
     network: tuple[Count, ...]
     activation: Literal["tanh", "relu"]

@@ -141,7 +141,7 @@ def _learn(
     callback.note_time()
     network = export(model.policy)
     policy = network.to_bytes()
-    learned = LearnedPolicy(network, settings.forecasts)
+    learned = LearnedPolicy(network, settings.forecasts, settings.candidates or None)
     observed = range_in_training(learned, run.env, run.seed, settings.environment, settings.variants)
     finished = {
         **run.record(),

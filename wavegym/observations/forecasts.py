@@ -19,6 +19,7 @@ from wavegym.core.system import ObservationField, System
 from wavegym.core.traits import TrackSlots
 from wavegym.observations.kernels import forecast
 from wavegym.observations.scaling import ObservationScaler
+from wavegym.observations.shortlist import Shortlist
 
 MOST = 256  # candidates; more take too long to predict at every step
 LOOKS = (
@@ -45,39 +46,48 @@ class Forecasts:
 
     Args:
         system: the closed loop.
+        listed: the candidates are those of this list. Their forecasts are the cost and the action itself.
 
     Raises:
-        InputError: the action set is not one index for at most MOST candidates.
+        InputError: the action set is not one index for at most MOST candidates, and there is no list.
     """
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System, listed: Shortlist | None = None) -> None:
         self.in_slots = isinstance(system, TrackSlots)
-        too_many = not self.in_slots and len(system.candidates()) > MOST
-        if isinstance(system.actions, (ParameterBox, PerSensorLibrary)) or too_many:
-            wanted = f"one index for at most {MOST} actions (nearest: forecasts=False)"
-            raise InputError(f"forecasts were asked for in {type(system).__name__}, expected {wanted}")
         self.system: Any = system
-        self.candidates = system.candidates()
-        self._gain, self._spending = shortcuts.gain.of(system), shortcuts.spending.of(system)
+        self._listed, self._gain, self._spending = listed, None, None
+        if listed is None:
+            too_many = not self.in_slots and len(system.candidates()) > MOST
+            if isinstance(system.actions, (ParameterBox, PerSensorLibrary)) or too_many:
+                wanted = f"one index for at most {MOST} actions (nearest: candidates=32)"
+                raise InputError(f"forecasts were asked for in {type(system).__name__}, expected {wanted}")
+            self.candidates = system.candidates()
+            self._gain, self._spending = shortcuts.gain.of(system), shortcuts.spending.of(system)
         self.candidate_fields = self._candidate_fields()
         self._scaler = ObservationScaler(self.observation_fields)
 
     @property
     def observation_fields(self) -> tuple[ObservationField, ...]:
         """The fields of every candidate, in order."""
-        labels = self.system.actions.labels
+        labels = range(1, self._listed.count + 1) if self._listed else self.system.actions.labels
         return tuple(f._replace(name=f"{f.name}[{label}]") for label in labels for f in self.candidate_fields)
 
     def __call__(self, belief: Any) -> Array:
         """The forecasts; ``belief`` as policies take it."""
         if self.in_slots:
             return self._scaler(self._of_slots(belief))[0]
-        envs, count = len(belief.step), len(self.candidates)
-        ahead = self.system.cost(self.system.predict(belief, np.broadcast_to(self.candidates, (envs, count))))
+        envs = len(belief.step)
+        if self._listed:
+            actions = self._listed(belief).actions
+        else:
+            actions = np.broadcast_to(self.candidates, (envs, len(self.candidates)))
+        ahead = self.system.cost(self.system.predict(belief, actions))
         mean = ahead.mean(axis=1, keepdims=True)
         ahead, mean = np.where(mean > 0.0, ahead, 1.0), np.where(mean > 0.0, mean, 1.0)  # 0 without targets
-        values = np.empty((envs, count, len(self.candidate_fields)))
+        values = np.empty((*ahead.shape, len(self.candidate_fields)))
         values[..., 0] = np.log(ahead / mean)
+        if self._listed:
+            values[..., 1:] = self._listed.described(actions)
         if self._gain:
             delay = np.broadcast_to(shortcuts.delay(self.system, belief), ahead.shape)
             gains = values[..., 1 : 1 + len(LOOKS)]
@@ -134,4 +144,4 @@ class Forecasts:
             listed.append(ObservationField("ln_delay", "ln(1 + steps)", 0.0, 1.0, "steps before its pulse can be sent"))
         if self._spending:
             listed.append(ObservationField("spending", "1", 0.0, 1.0, "energy of its pulse, in longest pulses"))
-        return tuple(listed)
+        return (*listed, *(self._listed.fields if self._listed else ()))

@@ -14,6 +14,7 @@ from wavegym.core.shortcuts import measured_fields
 from wavegym.core.system import ObservationField, System
 from wavegym.observations.forecasts import Forecasts
 from wavegym.observations.scaling import LIMIT, ObservationScaler
+from wavegym.observations.shortlist import shortlist
 
 
 class Observer:
@@ -22,26 +23,33 @@ class Observer:
     Args:
         system: the closed loop.
         forecasts: whether ``Forecasts`` follow the system's own fields.
+        candidates: the forecasts are those of the ``shortlist`` of this length, and ``forecasts`` is not needed.
+
+    Attributes:
+        forecasts: of each candidate, or None.
+        shortlist: from which an agent picks by rank; None where its actions are those of the system.
 
     Raises:
-        InputError: ``forecasts`` is not a bool, or the system does not admit ``Forecasts``.
+        InputError: ``forecasts`` is not a bool, or the system does not admit ``Forecasts`` or the list.
     """
 
-    def __init__(self, system: System, forecasts: bool = False) -> None:
+    def __init__(self, system: System, forecasts: bool = False, candidates: int | None = None) -> None:
         if not isinstance(forecasts, bool):
             raise InputError(f"forecasts is {forecasts!r}, expected True or False (nearest: {bool(forecasts)})")
         self._system, self._scaler = system, ObservationScaler(system.observation_fields)
-        self._forecasts = Forecasts(system) if forecasts else None
+        self.shortlist = shortlist(system, candidates)
+        shown = forecasts or candidates is not None
+        self.forecasts = Forecasts(system, self.shortlist) if shown else None
         self.observation_fields: tuple[ObservationField, ...] = system.observation_fields
-        if self._forecasts:
-            self.observation_fields = (*self.observation_fields, *self._forecasts.observation_fields)
+        if self.forecasts:
+            self.observation_fields = (*self.observation_fields, *self.forecasts.observation_fields)
         self.space = spaces.Box(-LIMIT, LIMIT, (len(self.observation_fields),), np.float32)
 
     def __call__(self, belief: Any) -> tuple[Array, Array]:
         """Observations (env, fields) float32, and the number of the system's own fields that are saturated, (env,)."""
         observation, saturated = self._scaler(self._system.observe(belief))
-        if self._forecasts:
-            observation = np.concatenate([observation, self._forecasts(belief)], axis=1)
+        if self.forecasts:
+            observation = np.concatenate([observation, self.forecasts(belief)], axis=1)
         return observation, saturated
 
 
@@ -58,6 +66,8 @@ class MeasurementObserver:
     Raises:
         InputError: a system without ``measured_fields``.
     """
+
+    shortlist = None  # see ``Observer``
 
     def __init__(self, system: Any) -> None:
         if reason := measured_fields.why_not(system):

@@ -237,21 +237,29 @@ class LearnedPolicy:
     Args:
         network: the trained network.
         forecasts: whether its observation holds forecasts of each candidate after the system's own elements.
+        candidates: length of the short list from which it chooses; None: from all actions.
         training_range: of what it observed in its training; None: not known.
 
     Attributes:
         shown: what the network was given for its last decision, (env, element).
     """
 
-    def __init__(self, network: Network, forecasts: bool = False, training_range: TrainingRange | None = None) -> None:
-        self.network, self.forecasts, self.training_range = network, forecasts, training_range
+    def __init__(
+        self,
+        network: Network,
+        forecasts: bool = False,
+        candidates: int | None = None,
+        training_range: TrainingRange | None = None,
+    ) -> None:
+        self.network, self.forecasts, self.candidates = network, forecasts, candidates
+        self.training_range = training_range
         self.shown: Array | None = None
         self._observer: Observer | None = None
         self._own = 0
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
-        self._observer = Observer(system, self.forecasts)
+        self._observer = Observer(system, self.forecasts, self.candidates)
         self._own = len(system.observation_fields)
         self.shown = None
 
@@ -262,6 +270,13 @@ class LearnedPolicy:
         """
         if observation is None:
             raise InputError("a learned policy was given no observation, expected the environment's")
+        shortlist = self._observer.shortlist if self._observer else None
+        if shortlist is None:
+            return self._chosen(belief, observation, mask)
+        return shortlist.taken(belief, self._chosen(belief, observation, shortlist(belief).allowed))
+
+    def _chosen(self, belief: Any, observation: Array, mask: Array | None) -> Array:
+        """The actions, or ranks in the short list."""
         if self._observer and observation.shape[1] != len(self._observer.observation_fields):
             observation, _ = self._observer(belief)
         if self.network.is_alike:

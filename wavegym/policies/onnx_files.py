@@ -6,6 +6,7 @@ Loading a file runs no code of it. Export needs ``onnx``, playing ``onnxruntime`
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,15 @@ from wavegym.core import VERSION
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.core.system import System
-from wavegym.observations.forecasts import PRESENT, Forecasts
+from wavegym.observations.forecasts import PRESENT
+from wavegym.observations.observer import Observer
 from wavegym.policies.networks import Network
 from wavegym.policies.runs import RUN, read_network, read_run
 
 OPSET, IR = 18, 10  # of ONNX: old enough for runtimes of 2024
 ACTIVATIONS = {"tanh": "Tanh", "relu": "Relu"}
 OBSERVATION, MASK, ACTION = "observation", "mask", "action"
+CANDIDATES = "candidates"  # entry of the metadata: length of the short list from which the model chooses; 0: none
 
 
 def export_onnx(folder: Path, file: Path) -> None:
@@ -35,6 +38,7 @@ def export_onnx(folder: Path, file: Path) -> None:
     about = {key: str(run[key]) for key in ("env", "algo", "seed")}
     about["observation"] = ", ".join(run["observation"])
     about["forecasts"] = str(bool(run["settings"].get("forecasts", False)))
+    about[CANDIDATES] = str(run["settings"].get(CANDIDATES, 0))
     content = to_onnx(read_network(folder, run), about)
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_bytes(content)
@@ -220,8 +224,9 @@ class OnnxPolicy:
 
     The input ``observation`` is float32 (batch, elements): the environment's observation; or this and the forecasts of
     each candidate, as with ``forecasts=True``; or the forecasts alone. The number of elements distinguishes the three.
-    The input ``mask``, bool (batch, alternatives), may be absent. The output ``action`` is int64 (batch,) or (batch,
-    sensors), or float32 (batch, parameters) for a box.
+    A model whose metadata has ``candidates``, K above 0, is given the forecasts of the short list of K, and its action
+    is a rank in it. The input ``mask``, bool (batch, alternatives), may be absent. The output ``action`` is int64
+    (batch,) or (batch, sensors), or float32 (batch, parameters) for a box.
 
     Args:
         file: the ONNX file.
@@ -237,7 +242,7 @@ class OnnxPolicy:
         except OSError as error:
             raise InputError(f"{file} cannot be read: {error.strerror}") from None
         self._session: Any = None
-        self._forecasts: Forecasts | None = None
+        self._observer: Observer | None = None
         self._own = 0
         inputs, outputs = (
             {each.name: each for each in found} for found in (self.session.get_inputs(), self.session.get_outputs())
@@ -248,6 +253,11 @@ class OnnxPolicy:
             wanted = f"{OBSERVATION} (batch, elements), perhaps {MASK}, and {ACTION}"
             raise InputError(f"policy {str(file)!r} has {found}, expected {wanted}, as of wavegym export")
         self.elements, self._takes_mask = int(shape[1]), MASK in self._all_inputs()
+        candidates = self.session.get_modelmeta().custom_metadata_map.get(CANDIDATES, "0")
+        if not candidates.isdecimal():
+            wanted = "an integer >= 0"
+            raise InputError(f"policy {str(file)!r} has the metadata candidates={candidates!r}, expected {wanted}")
+        self._candidates = int(candidates) or None
 
     @property
     def session(self) -> Any:
@@ -276,16 +286,14 @@ class OnnxPolicy:
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``. Raises an InputError if the model takes another number of elements."""
-        self._own, self._forecasts = len(system.observation_fields), None
+        self._own, self._observer = len(system.observation_fields), None
         if self.elements == self._own:
             return
         sizes = {self._own: "the observation"}
-        try:
-            self._forecasts = Forecasts(system)
-            count = len(self._forecasts.observation_fields)
+        with suppress(InputError):  # of a system that has no forecasts
+            self._observer = Observer(system, self._candidates is None, self._candidates)
+            count = len(self._observer.observation_fields) - self._own
             sizes |= {count: "its forecasts", self._own + count: "both"}
-        except InputError:  # this system has none
-            pass
         if self.elements not in sizes:
             wanted = " or ".join(f"{size} ({what})" for size, what in sizes.items())
             raise InputError(f"policy {str(self.file)!r} takes {self.elements} elements, expected {wanted}")
@@ -294,12 +302,18 @@ class OnnxPolicy:
         """See ``Policy``."""
         if observation is None:
             raise InputError(f"policy {str(self.file)!r} was given no observation, expected the environment's")
-        given = observation[:, : self._own]
-        if self._forecasts is not None:
-            is_shown = observation.shape[1] > self._own
-            forecasts = observation[:, self._own :] if is_shown else self._forecasts(belief)
-            is_alone = self.elements == forecasts.shape[1]
-            given = forecasts if is_alone else np.concatenate([given, forecasts], axis=1)
+        if self._observer is None:
+            return self._answer(observation[:, : self._own], mask)
+        if observation.shape[1] != len(self._observer.observation_fields):
+            observation, _ = self._observer(belief)
+        given = observation[:, observation.shape[1] - self.elements :]
+        if self._observer.shortlist is None:
+            return self._answer(given, mask)
+        listed = self._observer.shortlist
+        return listed.taken(belief, self._answer(given, listed(belief).allowed))
+
+    def _answer(self, given: Array, mask: Array | None) -> Array:
+        """What the model answers."""
         fed = {OBSERVATION: np.ascontiguousarray(given, np.float32)}
         if self._takes_mask and mask is not None:
             fed[MASK] = mask

@@ -38,6 +38,7 @@ from wavegym.core.policy import Policy
 from wavegym.core.system import System
 from wavegym.core.traits import TrackSlots
 from wavegym.observations.forecasts import Forecasts
+from wavegym.observations.observer import Observer
 from wavegym.policies.networks import RANGE_KEY, LearnedPolicy, Network, TrainingRange
 from wavegym.registration import registered_system, stem
 
@@ -204,16 +205,15 @@ def _load(folder: Path, env_id: str, system: System) -> LearnedPolicy:
     run = read_run(folder / RUN)
     _check_signature(folder, run, env_id, system)
     check_choice(f"algo in {folder / RUN}", run["algo"], ("ppo", "dqn"))
-    network, forecasts = read_network(folder, run), bool(run["settings"].get("forecasts", False))
+    network, settings = read_network(folder, run), run["settings"]
     own = 0 if network.is_alike else len(system.observation_fields)
-    of_candidate, of_all = 0, 0
-    if forecasts:
-        fields = Forecasts(system)
-        of_candidate, of_all = len(fields.candidate_fields), len(fields.observation_fields)
-    shown = own + (of_candidate if network.is_alike else of_all)
-    if network.inputs != shown:
-        raise InputError(f"policy {str(folder)!r} observes {network.inputs} elements, but this {env_id} shows {shown}")
-    return LearnedPolicy(network, forecasts, _training_range(folder, run, own, of_candidate))
+    shown = bool(settings.get("forecasts", False)), settings.get("candidates") or None
+    fields = Observer(system, *shown).forecasts
+    of_candidate, of_all = (len(fields.candidate_fields), len(fields.observation_fields)) if fields else (0, 0)
+    inputs = own + (of_candidate if network.is_alike else of_all)
+    if network.inputs != inputs:
+        raise InputError(f"policy {str(folder)!r} observes {network.inputs} elements, but this {env_id} shows {inputs}")
+    return LearnedPolicy(network, *shown, _training_range(folder, run, own, of_candidate))
 
 
 def _training_range(folder: Path, run: dict[str, Any], own: int, forecasts: int) -> TrainingRange | None:
