@@ -40,6 +40,7 @@ from wavegym.evaluation.submission import (
 )
 from wavegym.evaluation.table import estimated, interval, tabulated
 from wavegym.policies.runs import RUN, read_run
+from wavegym.registration import SYSTEMS
 
 FOLDER, PAGE, PICTURE = ROOT / "results" / "board", ROOT / "docs" / "board.md", ROOT / "docs" / "images" / "board.png"
 RELEASE = "release.json"  # version, seed and worlds
@@ -95,11 +96,11 @@ def renew() -> None:
 
 
 def scores(records: Sequence[Record]) -> str:
-    """A line for each submission over the whole suite, the cheapest first."""
-    known, lines = suite(), list[tuple[float, list[str]]]()
+    """A line for each submission over the benchmark tier, the cheapest first."""
+    known, lines = benchmark(), list[tuple[float, list[str]]]()
     for record in records:
         found = suite_score(_logs(record), known, bootstrap(record))
-        cells = [record["name"], f"{len(record['environments'])} of {len(known)}"]
+        cells = [record["name"], f"{len(record['environments'].keys() & set(known))} of {len(known)}"]
         for estimate in (found.mean, found.interquartile):
             cells += estimated(estimate)
         ends = interval(found.improvement.ci, "{:.2f}".format)
@@ -117,7 +118,7 @@ def picture(records: Sequence[Record]) -> bytes:
 
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     FigureCanvasAgg(figure)
-    axes, known = figure.subplots(), suite()
+    axes, known = figure.subplots(), benchmark()
     percents = np.linspace(-FARTHEST, FARTHEST, 401)
     for record in records:
         axes.plot(percents, profile(over_suite(_logs(record), known), percents), label=record["name"])
@@ -126,6 +127,11 @@ def picture(records: Sequence[Record]) -> bytes:
     axes.set(xlim=(-FARTHEST, FARTHEST), ylim=(0.0, 1.0))
     axes.legend(fontsize="small")
     return as_png(figure)
+
+
+def benchmark() -> list[str]:
+    """The environments that averages count."""
+    return [env_id for env_id in suite() if SYSTEMS[env_id].tier == "benchmark"]
 
 
 def _logs(record: Record) -> dict[str, Array]:

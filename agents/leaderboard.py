@@ -52,6 +52,7 @@ PAGE = ROOT / "docs" / "learned.md"
 START, END = "<!-- made by `make leaderboard`: -->", "<!-- to here -->"
 SEED = 0  # of the worlds of `make headroom`
 LEAST = -1.0  # per cent; a planner that gains less does not count as better
+SHARED = -5.0  # per cent; of a smaller gain of the planner PPO's share is not computed
 
 
 def play(env_id: str, jobs: int) -> None:
@@ -106,13 +107,13 @@ class Entry(NamedTuple):
         return against(self.by_policy[name].squared_error, self.by_policy[reference].squared_error)
 
     def recovered(self, name: str) -> statistics.Estimate:
-        """A policy's share of the planner's gain over the best heuristic; None if that is not significant.
+        """A policy's share of the planner's gain over the best heuristic; None if that is small or not significant.
 
         The gains are logarithms of cost ratios, so that a share means the same in environments with large and small
         gains.
         """
         gain = self.against(PLANNER, SIMPLE)
-        if gain.value is None or gain.ci is None or gain.ci[1] >= 0.0 or gain.value > LEAST:
+        if gain.value is None or gain.ci is None or gain.ci[1] >= 0.0 or gain.value > SHARED:
             return statistics.Estimate(None, None)
         own, others = (np.log(self.by_policy[each].cost / self.by_policy[SIMPLE].cost) for each in (name, PLANNER))
         return statistics.ratio(own, np.broadcast_to(others, own.shape), _bootstrap())
@@ -157,13 +158,30 @@ SAME = 0.005  # per cent; costs that differ by less look equal in print
 ALONE_STEPS = 1000  # a training with a teacher and without further steps is only imitation
 
 
+def established(entries: Sequence[Entry], figure: str) -> set[tuple[str, str]]:
+    """(environment, policy): differences from the best heuristic that hold in a whole table, by Holm's procedure.
+
+    Args:
+        entries: of the table.
+        figure: "cost" or "squared_error".
+    """
+    family = [
+        (e.env_id, name, statistics.p_value(*(getattr(e.by_policy[each], figure) for each in (name, SIMPLE))))
+        for e in entries
+        for name in (PLANNER, *AGENTS)
+        if name in e.by_policy
+    ]
+    hold = statistics.established([p for *_, p in family])
+    return {(env_id, name) for (env_id, name, _), holds in zip(family, hold, strict=True) if holds}
+
+
 def table(entries: Sequence[Entry]) -> str:
     """One line for each environment: the cost of each policy by belief against the best heuristic."""
-    rows = []
+    rows, sure = [], established(entries, "cost")
     for e in entries:
         simple = names_played(e.env_id).get(SIMPLE, SIMPLE)
         share = e.recovered("ppo") if "ppo" in e.by_policy else statistics.Estimate(None, None)
-        rows.append([_short(e), simple, *_against_simple(e, Entry.against), *shared(share)])
+        rows.append([_short(e), simple, *_against_simple(e, Entry.against, sure), *shared(share)])
     head = ["environment", "best heuristic", "myopic", *COMPARED, "PPO recovers", "95 %"]
     return tabulated(head, rows)
 
@@ -198,11 +216,11 @@ def _shown_as(e: Entry) -> dict[str, str]:
 def errors(entries: Sequence[Entry]) -> str:
     """One line for each environment: error by truth against the best heuristic, and targets lost per episode."""
     played = (SIMPLE, PLANNER, *AGENTS)
-    rows = []
+    rows, sure = [], established(entries, "squared_error")
     for e in entries:
         losses = [np.mean(e.by_policy[name].lost) if name in e.by_policy else np.nan for name in played]
         lost = [decimal(statistics.finite(loss)) for loss in losses]
-        rows.append([_short(e), *_against_simple(e, Entry.error_against), *lost])
+        rows.append([_short(e), *_against_simple(e, Entry.error_against, sure), *lost])
     head = ["environment", "myopic", *COMPARED, "lost: best-simple", "planner", "PPO", "DQN"]
     return tabulated(head, rows)
 
@@ -301,11 +319,12 @@ def _given(parameters: dict[str, Any]) -> str:
     return ", ".join(f"{name}={value}" for name, value in parameters.items())
 
 
-def _against_simple(e: Entry, comparer: Comparer) -> list[str]:
-    """Myopic, the best planner and the agents against the best heuristic."""
-    cells = [signed(comparer(e, BASELINE, SIMPLE).value), *estimated(comparer(e, PLANNER, SIMPLE))]
-    for algo in AGENTS:
-        cells += estimated(comparer(e, algo, SIMPLE)) if algo in e.by_policy else ["", ""]
+def _against_simple(e: Entry, comparer: Comparer, sure: set[tuple[str, str]]) -> list[str]:
+    """Myopic, the best planner and the agents against the best heuristic; what is ``established`` has a star."""
+    cells = [signed(comparer(e, BASELINE, SIMPLE).value)]
+    for name in (PLANNER, *AGENTS):
+        value, ends = estimated(comparer(e, name, SIMPLE)) if name in e.by_policy else ["", ""]
+        cells += [f"{value} \\*" if (e.env_id, name) in sure else value, ends]
     return cells
 
 

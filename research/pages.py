@@ -25,7 +25,7 @@ from wavegym.evaluation.comparison import BASELINE
 from wavegym.evaluation.report import TABLE
 from wavegym.evaluation.table import signed
 from wavegym.learning.settings import FILE, PPOSettings, load_settings
-from wavegym.registration import NAMESPACE, SYSTEMS, stem
+from wavegym.registration import NAMESPACE, SYSTEMS, TIERS, stem
 from wavegym.schedulers.registry import MEANINGS
 from wavegym.schedulers.tuned_constants import SIMPLE
 
@@ -36,16 +36,22 @@ START, END = "<!-- made by `make docs`: -->", "<!-- to here -->"
 
 def pages() -> dict[str, str]:
     """Every page by its file name, the index included."""
-    rows = []
+    rows: dict[str, list[tuple[str, ...]]] = {tier: [] for tier in TIERS}
     texts = {}
-    for env_id in SYSTEMS:
+    for env_id, record in SYSTEMS.items():
         name = f"{env_id.partition('/')[2]}.md"
         env = gym.make(env_id)
         sizes = (str(env.action_space), f"{env.observation_space.shape[0]} fields")  # type: ignore[index]
-        rows.append((f"[{env_id}]({name})", *sizes, summary(type(env.unwrapped.system))))  # type: ignore[attr-defined]
+        about = summary(type(env.unwrapped.system))  # type: ignore[attr-defined]
+        rows[record.tier].append((f"[{env_id}]({name})", *sizes, about))
         texts[name] = page(env_id)
-    overview = table(("environment", "actions", "observation", "description"), rows)
-    texts["index.md"] = f"# Environments\n\nGenerated from the environments by `make docs`.\n\n{overview}\n"
+    head = ("environment", "actions", "observation", "description")
+    parts = [
+        f"## {tier.capitalize()}\n\n{meaning[0].upper()}{meaning[1:]}.\n\n{table(head, rows[tier])}"
+        for tier, meaning in TIERS.items()
+    ]
+    overview = "\n\n".join(["# Environments", "Generated from the environments by `make docs`.", *parts])
+    texts["index.md"] = f"{overview}\n"
     return texts
 
 
@@ -75,8 +81,9 @@ def front() -> str:
             e = entry(env_id)
             cells = f"{signed(e.against(SIMPLE, BASELINE).value)} %", foresight(e)
         about = summary(load_object("system", record.system))
-        rows.append((f"[{name}](docs/environments/{name}.md)", about, *cells))
-    return table(("environment", "what happens", "best heuristic against myopic", "does foresight pay?"), rows)
+        rows.append((f"[{name}](docs/environments/{name}.md)", record.tier, about, *cells))
+    head = ("environment", "tier", "what happens", "best heuristic against myopic", "does foresight pay?")
+    return table(head, rows)
 
 
 def policies_table() -> str:

@@ -31,48 +31,72 @@ class Registration(NamedTuple):
         parameters: of the system, or settings of the environment, other than the defaults.
         settings: training settings by algorithm, ``{"ppo": {"gamma": 0.98}}``, other than those of every environment.
             Those of the suite stand in ``wavegym/learning/settings.toml``.
+        tier: what the environment is for, one of ``TIERS``; "" leaves it open.
+        grades: the parameter that sets the difficulty, and its values from easy to hard, ``{"targets": (2, 4, 8)}``.
     """
 
     system: Any
     scene: Any = ""
     parameters: Mapping[str, Any] = NOTHING
     settings: Mapping[str, Mapping[str, Any]] = NOTHING
+    tier: str = ""
+    grades: Mapping[str, tuple[Any, ...]] = NOTHING
+
+
+TIERS = {
+    "benchmark": "the best known policy costs less than the best heuristic, with an interval off zero. Averages count "
+    "these environments only",
+    "papers": "replicas of the papers' loops. No policy is known that is much better than the best heuristic",
+    "open": "it is not known whether much is left to gain over the best heuristic",
+}
 
 
 LOOPS = "wavegym.systems"
 SYSTEMS = {
     "wavegym/KershawEvans-v0": Registration(
-        f"{LOOPS}.kershaw_evans.system:KershawEvans", f"{LOOPS}.kershaw_evans.scene:LineOfSightScene"
+        f"{LOOPS}.kershaw_evans.system:KershawEvans", f"{LOOPS}.kershaw_evans.scene:LineOfSightScene", tier="papers"
     ),
-    "wavegym/KershawEvansPosition-v0": Registration(f"{LOOPS}.kershaw_evans.system:KershawEvansPosition"),
+    "wavegym/KershawEvansPosition-v0": Registration(
+        f"{LOOPS}.kershaw_evans.system:KershawEvansPosition", tier="papers"
+    ),
     "wavegym/AgileClutter-v0": Registration(
-        f"{LOOPS}.agile_clutter.system:AgileClutter", f"{LOOPS}.agile_clutter.scene:TargetScene"
+        f"{LOOPS}.agile_clutter.system:AgileClutter", f"{LOOPS}.agile_clutter.scene:TargetScene", tier="papers"
     ),
-    "wavegym/RfEo-v0": Registration(f"{LOOPS}.rf_eo.system:RfEo", f"{LOOPS}.rf_eo.scene:PlatformScene"),
-    "wavegym/RfEoFar-v0": Registration(f"{LOOPS}.rf_eo.system:RfEoFar"),
-    "wavegym/Urban-v0": Registration(f"{LOOPS}.urban.system:Urban", f"{LOOPS}.urban.scene:UrbanScene"),
-    "wavegym/UrbanSignal-v0": Registration(f"{LOOPS}.urban.system:UrbanSignal"),
+    "wavegym/RfEo-v0": Registration(f"{LOOPS}.rf_eo.system:RfEo", f"{LOOPS}.rf_eo.scene:PlatformScene", tier="papers"),
+    "wavegym/RfEoFar-v0": Registration(f"{LOOPS}.rf_eo.system:RfEoFar", tier="papers"),
+    "wavegym/Urban-v0": Registration(f"{LOOPS}.urban.system:Urban", f"{LOOPS}.urban.scene:UrbanScene", tier="papers"),
+    "wavegym/UrbanSignal-v0": Registration(f"{LOOPS}.urban.system:UrbanSignal", tier="papers"),
     "wavegym/CameraSlew-v0": Registration(
-        f"{LOOPS}.camera_slew.system:CameraSlew", f"{LOOPS}.camera_slew.scene:CameraScene"
+        f"{LOOPS}.camera_slew.system:CameraSlew",
+        f"{LOOPS}.camera_slew.scene:CameraScene",
+        tier="benchmark",
+        grades={"targets": (2, 3, 4, 6)},
     ),
     "wavegym/SectorSetup-v0": Registration(
-        f"{LOOPS}.sector_setup.system:SectorSetup", f"{LOOPS}.sector_setup.scene:SectorScene"
+        f"{LOOPS}.sector_setup.system:SectorSetup",
+        f"{LOOPS}.sector_setup.scene:SectorScene",
+        tier="benchmark",
+        grades={"targets": (2, 3, 4, 6)},
     ),
     "wavegym/SectorSetupCity-v0": Registration(
-        f"{LOOPS}.sector_setup.city:SectorSetupCity", f"{LOOPS}.sector_setup.scene:CityScene"
+        f"{LOOPS}.sector_setup.city:SectorSetupCity", f"{LOOPS}.sector_setup.scene:CityScene", tier="open"
     ),
     "wavegym/BeamAllocation-v0": Registration(
-        f"{LOOPS}.beam_allocation.system:BeamAllocation", f"{LOOPS}.beam_allocation.scene:BeamScene"
+        f"{LOOPS}.beam_allocation.system:BeamAllocation", f"{LOOPS}.beam_allocation.scene:BeamScene", tier="open"
     ),
     "wavegym/EnergyBudget-v0": Registration(
-        f"{LOOPS}.energy_budget.system:EnergyBudget", f"{LOOPS}.energy_budget.scene:AccountScene"
+        f"{LOOPS}.energy_budget.system:EnergyBudget", f"{LOOPS}.energy_budget.scene:AccountScene", tier="open"
     ),
-    "wavegym/EnergyBudgetKnown-v0": Registration(f"{LOOPS}.energy_budget.known:EnergyBudgetKnown"),
+    "wavegym/EnergyBudgetKnown-v0": Registration(
+        f"{LOOPS}.energy_budget.known:EnergyBudgetKnown", tier="benchmark", grades={"budget": (0.12, 0.06, 0.03)}
+    ),
     "wavegym/MultifunctionRadar-v0": Registration(
-        f"{LOOPS}.multifunction_radar.system:MultifunctionRadar", f"{LOOPS}.multifunction_radar.scene:RegionScene"
+        f"{LOOPS}.multifunction_radar.system:MultifunctionRadar",
+        f"{LOOPS}.multifunction_radar.scene:RegionScene",
+        tier="open",
     ),
     "wavegym/SharedSpectrum-v0": Registration(
-        f"{LOOPS}.shared_spectrum.system:SharedSpectrum", f"{LOOPS}.shared_spectrum.scene:BandScene"
+        f"{LOOPS}.shared_spectrum.system:SharedSpectrum", f"{LOOPS}.shared_spectrum.scene:BandScene", tier="benchmark"
     ),
 }
 RECORDS: dict[str, Registration] = {}  # of every id that ``register`` was given
@@ -112,6 +136,8 @@ def register(
     max_episode_steps: int | None = None,
     scene: Any = "",
     settings: Mapping[str, Mapping[str, Any]] = NOTHING,
+    tier: str = "",
+    grades: Mapping[str, tuple[Any, ...]] = NOTHING,
     **parameters: Any,
 ) -> None:
     """Register an environment: ``gym.make(id)`` and ``gym.make_vec(id, num_envs=...)`` then find it.
@@ -121,15 +147,17 @@ def register(
         system: a System class or object, or ``"package.module:Class"``, which is imported by ``gym.make`` only and
             keeps the specification serialisable.
         max_episode_steps: truncate here unless ``make`` or ``make_vec`` is told otherwise.
-        scene, settings: see ``Registration``.
+        scene, settings, tier, grades: see ``Registration``.
         **parameters: parameters of the system, or settings of the environment, other than the defaults.
 
     Raises:
-        InputError: an invalid system or parameter (``gym.make`` checks those of a ``"package.module:Class"``), or
+        InputError: an invalid system, parameter (``gym.make`` checks those of a ``"package.module:Class"``) or tier, or
             another id gave the class of ``system`` a scene.
     """
     _check_system(system, {name: value for name, value in parameters.items() if name not in SHELL})
-    record = Registration(system, scene, parameters, settings)
+    if tier:
+        check_choice("tier", tier, TIERS)
+    record = Registration(system, scene, parameters, settings, tier, grades)
     for other, known in RECORDS.items():
         if scene and known.scene not in ("", scene) and known.system == system and other != id:
             raise InputError(f"scene of {id} is {scene!r}, expected none: {other} gives its system {known.scene!r}")
@@ -181,7 +209,8 @@ def register_suite() -> None:
     """Register the suite; a second call changes nothing."""
     for id, record in SYSTEMS.items():
         if id not in gym.registry:
-            register(id, record.system, scene=record.scene, settings=record.settings, **record.parameters)
+            own = record._asdict()
+            register(id, own.pop("system"), **own.pop("parameters"), **own)
 
 
 def list_envs() -> list[str]:

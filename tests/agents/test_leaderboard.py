@@ -102,6 +102,18 @@ def test_tables_and_times_can_be_had_without_playing(
     assert "KershawEvansPosition-v0" in (folders / "PAGE").read_text()
 
 
+def test_a_star_marks_what_holds_in_the_whole_table() -> None:
+    simple, noise = np.exp(np.random.default_rng(0).normal(0.0, 1.0, (2, 100)))
+    noise = 0.1 * (noise - noise.mean()) / noise.std(ddof=1)  # t of the shifts is 20 and 2.2, p of the second 0.03
+    sure, unsure = (list(simple * np.exp(shift + noise)) for shift in (-0.2, -0.022))
+    played = entry(best_simple=list(simple), myopic=list(simple), best_planner=sure, ppo=unsure)
+    unclear = entry(best_simple=list(simple), myopic=list(simple), best_planner=unsure, ppo=unsure)
+    assert leaderboard.established([played], "cost") == {(ID, "best-planner"), (ID, "ppo")}
+    assert leaderboard.established([played] + [unclear] * 9, "cost") == {(ID, "best-planner")}
+    line = leaderboard.table([played] + [unclear] * 9).splitlines()[2]
+    assert line.count("\\*") == 1
+
+
 def test_what_is_recovered_of_an_established_gain_is_a_share_of_logarithms() -> None:
     played = entry(best_simple=[10.0, 20.0, 5.0], best_planner=[8.0, 16.0, 4.0], ppo=[9.0, 18.0, 4.5])
     share = played.recovered("ppo")

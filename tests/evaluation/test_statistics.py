@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scipy.stats import gmean, trim_mean
+from scipy.stats import gmean, trim_mean, ttest_rel
 
 from wavegym.evaluation import statistics
 
@@ -107,7 +107,7 @@ def test_what_the_estimates_are(values, factor):
     )
     assert statistics.interquartile_mean(values) == pytest.approx(trim_mean(values, 0.25, axis=None), rel=1e-12)
     assert statistics.mean(values, rng()).value == pytest.approx(values.mean(), rel=1e-12)
-    assert values.min() * (1 - 1e-12) <= statistics.mean(values, rng()).ci[0]
+    assert values.min() * (1 - 1e-12) <= statistics.mean(values[:1], rng()).ci[0]
 
 
 def test_the_geometric_difference_does_not_care_how_costly_a_world_is():
@@ -135,9 +135,45 @@ def test_a_spread_between_training_runs_widens_the_interval():
     alike, unlike = np.ones((4, 1)), np.array([[0.8], [0.9], [1.1], [1.2]])
     narrow = statistics.difference(alike * noise * baseline, baseline, rng()).percent
     wide = statistics.difference(unlike * noise * baseline, baseline, rng()).percent
-    # Resampling four runs with factors of standard deviation 0.158: their mean has 0.158/2, in per cent 7.9.
-    assert np.ptp(wide.ci) == pytest.approx(2 * 1.96 * 7.9, rel=0.2)
+    # Student's t of four runs with factors of standard deviation 0.1826.
+    assert np.ptp(wide.ci) == pytest.approx(2 * 3.1824 * 18.26 / 2, rel=0.02)
     assert np.ptp(narrow.ci) < 2.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spread", [0.0, 0.02, 0.1])
+@pytest.mark.parametrize("members", [3, 10])
+def test_the_interval_over_training_runs_covers_the_figure_of_a_training(members, spread):
+    """Runs differ by ``spread``, worlds by 1, and a run in a world by 0.2, all in logarithms."""
+    data = np.random.default_rng([members, int(100 * spread)])
+    trials, worlds, covered, rejected = 300, 60, 0, 0
+    for _ in range(trials):
+        baseline = np.exp(data.normal(0.0, 1.0, (1, worlds)))
+        own = data.normal(0.0, spread, (members, 1)) + data.normal(0.0, 0.2, (members, worlds))
+        found = statistics.difference(baseline * np.exp(own), baseline, rng()).geometric
+        covered += inside(0.0, found.ci)
+        rejected += statistics.p_value(baseline * np.exp(own), baseline) < 0.05
+    # The two parts add in squares, so that coverage is 95 % or more; three standard errors of a share are 0.038.
+    assert covered / trials > 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / trials)
+    assert rejected / trials < 0.05 + 3.0 * np.sqrt(0.95 * 0.05 / trials)
+
+
+def test_a_p_value_of_one_run_is_that_of_the_paired_t_test():
+    data = np.random.default_rng(3)
+    baseline = data.lognormal(0.0, 1.0, (1, 40))
+    values = baseline * data.lognormal(0.05, 0.2, (1, 40))
+    wanted = ttest_rel(np.log(values[0]), np.log(baseline[0])).pvalue
+    assert statistics.p_value(values, baseline) == pytest.approx(wanted, rel=1e-12)
+    assert statistics.p_value(baseline, baseline) == 1.0
+    assert statistics.p_value(-values, baseline) is None
+    assert statistics.p_value(values[:, :1], baseline[:, :1]) is None
+
+
+def test_holm_rejects_the_smallest_at_a_share_of_the_level_and_stops_at_the_first_that_fails():
+    assert statistics.established([0.04, 0.012, None, 0.02]) == [True, True, False, True]
+    assert statistics.established([0.04, 0.018, None, 0.02]) == [False, False, False, False]
+    assert statistics.established([0.01, 0.03, 0.04]) == [True, False, False]
+    assert statistics.established([]) == []
 
 
 def test_members_that_are_the_same_are_as_good_as_one():

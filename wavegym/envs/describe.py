@@ -27,7 +27,7 @@ from wavegym.core.traits import TimedPulses, UnequalSteps
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs.rewards import scale_of
 from wavegym.observations.scaling import LIMIT
-from wavegym.registration import SETTINGS, full_id
+from wavegym.registration import RECORDS, SETTINGS, TIERS, full_id
 
 SECTIONS = ("Description", "Rewards", "Starting state", "Episode end")  # of a system's docstring
 INFO = {
@@ -77,6 +77,7 @@ def describe(id: str, /, **parameters: Any) -> str:
     parts = [
         f"# {id}",
         summary(type(system)),
+        _tier(id),
         f'```python\nimport gymnasium as gym\nimport wavegym\n\nenv = gym.make("{id}"{given})\n'
         f'envs = gym.make_vec("{id}", num_envs=64{given})\n```',
         *(_chapter(heading, section(type(system), heading)) + _scale(heading, system) for heading in SECTIONS),
@@ -106,6 +107,15 @@ def table(head: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
 
 def _chapter(heading: str, text: str) -> str:
     return f"## {heading}\n\n{text}" if text else ""
+
+
+def _tier(id: str) -> str:
+    """What the environment is for, and what sets its difficulty."""
+    record = RECORDS[id]
+    lines = [f"Tier *{record.tier}*: {TIERS[record.tier]}."] if record.tier else []
+    for name, values in record.grades.items():
+        lines.append(f"Difficulty: `{name}`, from {values[0]} (easy) to {values[-1]} (hard).")
+    return " ".join(lines)
 
 
 def _scale(heading: str, system: System) -> str:

@@ -170,7 +170,7 @@ def figures(comparison: Comparison, kept: Kept = NOTHING) -> dict[str, Any]:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Play and write."""
     parser = Parser(prog="python -m wavegym.evaluation.headroom", description="How much is there to gain by planning.")
-    tuned = [env_id for env_id, (system, _, given, _) in SYSTEMS.items() if system in records() and not given]
+    tuned = [env_id for env_id, each in SYSTEMS.items() if each.system in records() and not each.parameters]
     wanted = "environments (default: those of the suite with heuristics on record)"
     parser.add_argument("ids", nargs="*", metavar="ID", default=tuned, help=wanted)
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")

@@ -2,11 +2,10 @@
 
 Every policy met the same worlds, and an agent may have several training runs, its *members*: results are a matrix
 (member, world), with one row for a scheduler. Worlds differ far more than policies do, so policies are compared in
-pairs: a resample of worlds is the same for all. If there are several members, they are resampled too (the two axes
-independently; Owen 2007, "The pigeonhole bootstrap"), because the claim is about the training and not about these
-networks. With fixed members the spread between training runs would be missing. With independent (member, world)
-episodes it would be missing that members share worlds. Both would make intervals too narrow. With three training seeds
-the interval over seeds is still too narrow: read it together with the spread of the seeds.
+pairs: a resample of worlds is the same for all. If there are several members, the claim is about the training and not
+about these networks. The interval over worlds, for the mean of these members, is then widened by the interval over
+training runs, Student's t of their figures in all worlds: distances from the estimate add in squares. With few members
+a bootstrap over them would be too narrow. Independent (member, world) episodes would miss that members share worlds.
 
 Intervals are bias-corrected and accelerated (BCa), because costs have a heavy right tail, for which percentile
 intervals are too low.
@@ -19,7 +18,7 @@ an interval of width 0.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -96,6 +95,40 @@ def difference(values: Array, baseline: Array, rng: np.random.Generator) -> Diff
     return Difference(_estimate(percent, values.shape, rng), _estimate(geometric, values.shape, rng))
 
 
+def p_value(values: Array, baseline: Array) -> float | None:
+    """Of the hypothesis that the geometric mean of the ratios of ``difference`` is 1; two-sided.
+
+    Student's t, with the variances over worlds and over members added (Welch and Satterthwaite's degrees of freedom).
+    None where ``difference`` has no geometric figure, or a single world.
+    """
+    from scipy.stats import t
+
+    if not all((costs > 0).all() and np.isfinite(costs).all() for costs in (values, baseline)):
+        return None
+    logarithms = np.log(values) - np.log(baseline).mean(axis=0)
+    parts = [
+        (each.var(ddof=1) / len(each), len(each) - 1)
+        for each in (logarithms.mean(axis=0), logarithms.mean(axis=1))
+        if len(each) > 1
+    ]
+    total = sum(variance for variance, _ in parts)
+    if values.shape[1] == 1 or total == 0.0:
+        return None if values.shape[1] == 1 else float(logarithms.mean() == 0.0)
+    freedom = total**2 / sum(variance**2 / count for variance, count in parts)
+    return float(2.0 * t.sf(abs(logarithms.mean()) / np.sqrt(total), freedom))
+
+
+def established(p_values: Sequence[float | None]) -> list[bool]:
+    """Which hypotheses of a family are rejected at 5 %, by Holm's step-down procedure (1979); None is none of them."""
+    tested = sorted((p, i) for i, p in enumerate(p_values) if p is not None)
+    rejected = [False] * len(p_values)
+    for rank, (p, i) in enumerate(tested):
+        if p > (1.0 - LEVEL) / (len(tested) - rank):
+            break
+        rejected[i] = True
+    return rejected
+
+
 def score(cost: float | None, random: float | None, baseline: float | None) -> float | None:
     """Mean costs on a scale where random choice is 0 and the baseline 1; None where that is undefined."""
     if cost is None or random is None or baseline is None or random == baseline:
@@ -118,20 +151,14 @@ def _estimate(statistic: Statistic, shape: tuple[int, ...], rng: np.random.Gener
 
 
 def _interval(statistic: Statistic, members: Array, worlds: Array, rng: np.random.Generator) -> Interval | None:
-    """BCa interval, resampling worlds, and members where there are several; percentiles where BCa is undefined."""
+    """BCa interval over worlds, percentiles where BCa is undefined, widened by the spread of several members."""
     from scipy.stats import bootstrap  # half a second, which worker processes and training runs do not need
-
-    def of_worlds(worlds: Array, axis: int = -1) -> Array:
-        return statistic(members, worlds)
-
-    def of_both(members: Array, worlds: Array, axis: int = -1) -> Array:
-        return statistic(members, worlds)
 
     with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
         warnings.simplefilter("ignore")  # "degenerate distribution": answered below
         result = bootstrap(
-            (worlds,) if len(members) == 1 else (members, worlds),
-            of_worlds if len(members) == 1 else of_both,
+            (worlds,),
+            lambda worlds, axis=-1: statistic(members, worlds),
             n_resamples=RESAMPLES,
             batch=max(1, NUMBERS // (len(members) * len(worlds))),
             vectorized=True,
@@ -142,7 +169,19 @@ def _interval(statistic: Statistic, members: Array, worlds: Array, rng: np.rando
     ends = np.array(result.confidence_interval)
     if not np.isfinite(ends).all():
         ends = np.quantile(result.bootstrap_distribution, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    if len(members) > 1:
+        value, outwards = statistic(members, worlds), np.array([-1.0, 1.0])
+        reach = np.hypot(np.maximum(outwards * (ends - value), 0.0), _spread(statistic, members, worlds))
+        ends = value + outwards * reach
     return (float(ends[0]), float(ends[1])) if np.isfinite(ends).all() else None
+
+
+def _spread(statistic: Statistic, members: Array, worlds: Array) -> float:
+    """Half the width of Student's interval of the mean of the members' own figures."""
+    from scipy.stats import t
+
+    alone = statistic(members[:, None], np.broadcast_to(worlds, (len(members), len(worlds))))
+    return float(t.ppf((1 + LEVEL) / 2, len(members) - 1) * alone.std(ddof=1) / np.sqrt(len(members)))
 
 
 def finite(value: Any) -> float | None:
