@@ -97,7 +97,6 @@ results: $(READY)
 
 # Play the saved agents on the worlds of `make headroom`, and renew the tables of both.
 leaderboard: $(READY)
-	$(BIN)/python -m agents.experiment --train RfEoFar  # two seeds are not kept in the repository
 	$(BIN)/python -m agents.leaderboard
 
 # Rebuild the papers' figures, agile_clutter with the fast tracker. PAGE=1 plays as many runs as the docs and renews their

@@ -1,8 +1,9 @@
-"""What Stable-Baselines3's PPO reaches with its defaults: ``python -m agents.stock_recipes [NAME ...]``.
+"""What learners of Stable-Baselines3 reach from rewards alone: ``python -m agents.stock_recipes [NAME ...]``.
 
-Each recipe differs in how the environment is made, never in the learner. The learned policies play worlds that no
-training drew. Results go to results/stock_recipes, the table to docs/how_to/train_with_sb3.md. A training takes about
-two minutes. A recipe that an environment does not offer is left out. ``--tables`` renews the page without training.
+A recipe is a few lines of code: those that run here are those that the pages show. The learned policies play worlds
+that no training drew. Results go to results/stock_recipes, a table to docs/how_to/train_with_sb3.md; ``python -m
+research.pages`` puts the recipes of an environment on its page. A training takes two to ten minutes. ``--recipes``
+trains some of them, ``--tables`` renews the page without training.
 """
 
 from __future__ import annotations
@@ -10,40 +11,73 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from time import process_time
 from typing import Any
 
 from agents import blocks
 from agents.leaderboard import ROOT
 from wavegym.core.command_line import Parser, guarded
-from wavegym.core.errors import InputError
+from wavegym.core.errors import check_choice
 from wavegym.core.files import write_whole
 from wavegym.evaluation import compare
 from wavegym.evaluation.summary import named
 from wavegym.evaluation.table import interval, signed, tabulated
 from wavegym.registration import full_id, stem
 
-NAMES = ("CameraSlew", "BeamAllocation", "SectorSetup", "EnergyBudgetKnown", "AgileClutter", "KershawEvansPosition")
-RECIPES: dict[str, dict[str, Any]] = {
-    "all defaults": {},
-    '`reward="scaled"`': {"reward": "scaled"},
-    "and `forecasts=True`": {"reward": "scaled", "forecasts": True},
+NAMES = (
+    "CameraSlew", "SectorSetup", "EnergyBudgetKnown", "SharedSpectrum", "BeamAllocation", "AgileClutter",
+    "KershawEvansPosition",
+)  # fmt: skip
+PPO = """from stable_baselines3 import PPO
+from wavegym.envs.sb3 import SB3VecEnv
+
+envs = SB3VecEnv("{env_id}", num_envs=8{settings})
+model = PPO("MlpPolicy", envs, seed={seed})
+model.learn({steps})
+"""
+SCORER = """from stable_baselines3 import PPO
+from wavegym.envs.sb3 import SB3VecEnv
+from wavegym.learning.scorer import Layout, ScorerPolicy
+
+envs = SB3VecEnv("{env_id}", num_envs=128{settings})
+model = PPO(
+    ScorerPolicy, envs, policy_kwargs={{"layout": Layout.of_environments(envs)}}, n_steps=50, batch_size=1600,
+    gamma=0.97, gae_lambda=0.95, learning_rate=lambda left: 1e-3 * left, seed={seed},
+)
+model.learn({steps})
+"""
+DQN = PPO.replace("PPO", "DQN")
+LISTED = ', reward="scaled", candidates=64'
+RECIPES = {
+    "PPO, all defaults": (PPO, ""),
+    'and `reward="scaled"`': (PPO, ', reward="scaled"'),
+    "and `candidates=64`": (PPO, LISTED),
+    "and the scorer": (SCORER, LISTED),
+    "DQN, all defaults, on the same environment": (DQN, LISTED),
 }
+SHOWN = [recipe for recipe, (_, settings) in RECIPES.items() if settings == LISTED]  # on the environments' pages
 OPPONENTS = ("myopic", "best-simple")
-STEPS, NUM_ENVS, WORLDS, SEED = 300_000, 8, 100, 1  # the seed of the worlds
+STEPS, WORLDS, SEED = 300_000, 100, 1  # the seed of the worlds
 FOLDER, PAGE = ROOT / "results" / "stock_recipes", ROOT / "docs" / "how_to" / "train_with_sb3.md"
 START, END = "<!-- made by `python -m agents.stock_recipes`: -->", "<!-- stock recipes to here -->"
 
 
-def learned(env_id: str, settings: Mapping[str, Any], seed: int) -> dict[str, Any]:
-    """Cost of the trained policy against each opponent, in per cent, as plain types."""
-    from stable_baselines3 import PPO
+def code(recipe: str, env_id: str, seed: int = 0) -> str:
+    """The lines of a recipe."""
+    template, settings = RECIPES[recipe]
+    return template.format(env_id=env_id, settings=settings, seed=seed, steps=f"{STEPS:_}")
 
-    from wavegym.envs.sb3 import SB3VecEnv
 
-    model: Any = PPO("MlpPolicy", SB3VecEnv(env_id, num_envs=NUM_ENVS, **settings), seed=seed)
-    model.learn(STEPS)
-    found = compare(env_id, {"mine": model, "best-simple": None}, worlds=WORLDS, seed=SEED, jobs=1, progress=False)
-    return {name: named("percent", "ci", found.against("mine", name)) for name in OPPONENTS}
+def learned(recipe: str, env_id: str, seed: int) -> dict[str, Any]:
+    """Cost of the trained policy against each opponent, in per cent, and the CPU time, as plain types."""
+    namespace: dict[str, Any] = {}
+    began = process_time()
+    exec(compile(code(recipe, env_id, seed), recipe, "exec"), namespace)
+    took = process_time() - began
+    policies = {"mine": namespace["model"], "best-simple": None}
+    found = compare(env_id, policies, worlds=WORLDS, seed=SEED, jobs=1, progress=False)
+    against = {name: named("percent", "ci", found.against("mine", name)) for name in OPPONENTS}
+    return {**against, "cpu_seconds": round(took)}
 
 
 def table(results: Mapping[str, Mapping[str, Any]]) -> str:
@@ -51,33 +85,51 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> str:
     head = ["environment", "recipe", "cost against `myopic` %", "95 %", "against `best-simple` %", "95 %"]
     rows = []
     for name, by_recipe in results.items():
-        for recipe, figures in by_recipe.items():
-            cells = [
-                cell
-                for each in OPPONENTS
-                for cell in (signed(figures[each]["percent"]), interval(figures[each]["ci"], signed))
-            ]
-            rows.append([name if recipe == next(iter(by_recipe)) else "", recipe, *cells])
+        known = [recipe for recipe in RECIPES if recipe in by_recipe]
+        rows += [[name if recipe == known[0] else "", recipe, *_cells(by_recipe[recipe])] for recipe in known]
     return tabulated(head, rows)
+
+
+def _cells(figures: Mapping[str, Any]) -> list[str]:
+    return [
+        cell for each in OPPONENTS for cell in (signed(figures[each]["percent"]), interval(figures[each]["ci"], signed))
+    ]
+
+
+def section(env_id: str) -> str:
+    """The recipes on an environment's page; "" where none was tried."""
+    results = blocks.read_results(FOLDER / f"{stem(env_id)}.json")
+    rows = [
+        [recipe.removeprefix("and "), f"{results[recipe]['cpu_seconds'] / 60.0:.0f}", *_cells(results[recipe])]
+        for recipe in SHOWN
+        if "cpu_seconds" in results.get(recipe, {})
+    ]
+    if not rows:
+        return ""
+    head = ["recipe", "CPU minutes", "cost against `myopic` %", "95 %", "against `best-simple` %", "95 %"]
+    listings = [f"```python\n{code(recipe, env_id)}```" for recipe in SHOWN if recipe in results]
+    about = (
+        f"From rewards alone, {STEPS:,} steps, one training seed, {WORLDS} test worlds. `candidates=64` shows the "
+        "expected cost of each choice; the scorer is one network for all choices."
+    )
+    return "\n\n".join(["## Train it", about, tabulated(head, rows), *listings])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
-    parser = Parser(prog="python -m agents.stock_recipes", description="PPO with its defaults, by several recipes.")
+    parser = Parser(prog="python -m agents.stock_recipes", description="Learners of Stable-Baselines3, by recipes.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of environments (default: {' '.join(NAMES)})")
+    parser.add_argument("--recipes", nargs="*", default=[*RECIPES], metavar="RECIPE", help="which (default: all)")
     parser.add_argument("--seed", type=int, default=0, help="of the training (default: 0)")
     parser.add_argument("--tables", action="store_true", help="only renew the page")
     given = parser.read(arguments)
     for env_id in () if given.tables else [full_id(f"{name}-v0") for name in given.names or NAMES]:
         file = FOLDER / f"{stem(env_id)}.json"
-        for recipe, settings in RECIPES.items():
-            try:
-                found = blocks.read_results(file) | {recipe: learned(env_id, settings, given.seed)}
-            except InputError as error:  # no forecasts here
-                print(env_id, recipe, f"left out: {error}", flush=True)
-                continue
-            write_whole(FOLDER, {file.name: (json.dumps(found, indent=1) + "\n").encode()})
-            print(env_id, recipe, *(found[recipe][name]["percent"] for name in OPPONENTS), flush=True)
+        for recipe in given.recipes:
+            found = learned(check_choice("recipe", recipe, RECIPES), env_id, given.seed)
+            results = blocks.read_results(file) | {recipe: found}
+            write_whole(FOLDER, {file.name: (json.dumps(results, indent=1) + "\n").encode()})
+            print(env_id, recipe, *(found[name]["percent"] for name in OPPONENTS), flush=True)
     results = {name: found for name in NAMES if (found := blocks.read_results(FOLDER / f"{name}.json"))}
     blocks.renew(PAGE, START, END, table(results))
 

@@ -1,9 +1,10 @@
 """The pages of the suite's environments in the docs: ``python -m research.pages``.
 
 A page has an animated picture (``python -m agents.animations``) and the best known scores (``python -m
-agents.leaderboard``), if there are any; then the text of ``wavegym.describe``; then the steps per second (``python -m
-research.benchmarks.steps``). README's table of environments, the policies in docs/how_to/compare_policies.md and the
-training settings in docs/how_to/train_with_other_libraries.md are renewed, too.
+agents.leaderboard``), if there are any; then the text of ``wavegym.describe``; then training recipes (``python -m
+agents.stock_recipes``) and the steps per second (``python -m research.benchmarks.steps``). README's table of
+environments, the policies in docs/how_to/compare_policies.md and the training settings in
+docs/how_to/train_with_other_libraries.md are renewed, too.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import gymnasium as gym
 
 from agents import blocks
 from agents.leaderboard import HEADROOM, ROOT, entry, foresight, scores
+from agents.stock_recipes import section as train_it
 from research.benchmarks.steps import read as read_speeds
 from research.benchmarks.steps import table as speed_table
 from wavegym.core.command_line import Parser, guarded
@@ -65,6 +67,8 @@ def page(env_id: str) -> str:
     if (HEADROOM / f"{env_id.partition('/')[2]}{TABLE}").exists():
         parts.append(scores(entry(env_id)))
     parts.append(rest)
+    if recipes := train_it(env_id):
+        parts.append(recipes)
     if speeds := [speed for speed in read_speeds() if speed.environment == stem(env_id)]:
         parts.append(
             f"## Speed\n\nSteps per second on one core ([how they are measured](../speed.md)).\n\n{speed_table(speeds)}"

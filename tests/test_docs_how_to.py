@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import gymnasium as gym
+import numpy as np
 import pytest
 
 import wavegym
@@ -84,6 +85,19 @@ def test_the_parts_of_your_own_work(tmp_path, monkeypatch, capsys):
     out = capsys.readouterr().out
     assert "lookahead:2" in out
     assert "random" in out
+
+
+def test_the_scorer_in_plain_pytorch_scores_rows_alike_but_for_their_offsets():
+    """The other blocks of the page are those of its libraries' own test."""
+    page = (DOCS / "how_to" / "train_with_other_libraries.md").read_text()
+    (block,) = (block for block in BLOCK.findall(page) if "class Scorer" in block)
+    namespace = {"gym": gym}
+    exec(compile(block, "scorer", "exec"), namespace)
+    actor, shown = namespace["actor"], namespace["torch"].as_tensor(namespace["observation"])
+    assert set(namespace["actions"].tolist()) <= set(range(namespace["choices"]))
+    rows = shown[:, namespace["own"] :].unflatten(1, actor.shape)
+    turned = namespace["torch"].cat([shown[:, : namespace["own"]], rows.flip(1).flatten(1)], dim=1)
+    np.testing.assert_allclose(actor(turned).flip(1).detach(), actor(shown).detach(), atol=1e-6)
 
 
 def test_policies_play_in_stone_soup_and_its_filters_here(capsys):

@@ -182,7 +182,7 @@ def test_errors_orders_and_consistency_follow_from_the_accounts(monkeypatch: pyt
     played.by_policy["ppo"] = flattered._replace(lost=np.full((1, 30), 0.5))
     line = leaderboard.errors([played]).splitlines()[-1]
     assert [cell.strip() for cell in line.split("|")[2:-1]] == [
-        *("0", "-20.0", "-20.0 to -20.0", "+20.0", "+20.0 to +20.0", "", "", "0.000", "0.000", "0.500", "")
+        *("0", "-20.0 \\*", "-20.0 to -20.0", "+20.0 \\*", "+20.0 to +20.0", "", "", "0.000", "0.000", "0.500", "")
     ]
     assert "best-simple against ppo +42.9 % by belief and -16.7 % by truth" in leaderboard.orders([played])
     monkeypatch.setattr(KershawEvans, "nees_dimension", 2, raising=False)

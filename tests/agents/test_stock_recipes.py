@@ -13,8 +13,8 @@ from wavegym.core.errors import InputError
 
 @pytest.mark.slow
 def test_each_recipe_is_trained_and_compared(tmp_path, monkeypatch):
-    for name, value in {"FOLDER": tmp_path, "PAGE": tmp_path / "page.md", "WORLDS": 3, "NUM_ENVS": 1,
-                        "STEPS": 2048, "NAMES": ("SectorSetup",)}.items():  # fmt: skip
+    for name, value in {"FOLDER": tmp_path, "PAGE": tmp_path / "page.md", "WORLDS": 3, "STEPS": 2048,
+                        "NAMES": ("SectorSetup",)}.items():  # fmt: skip
         monkeypatch.setattr(stock_recipes, name, value)
     stock_recipes.PAGE.write_text(f"{stock_recipes.START}\n{stock_recipes.END}\n")
     stock_recipes.main([])
@@ -23,7 +23,20 @@ def test_each_recipe_is_trained_and_compared(tmp_path, monkeypatch):
     first, second = (found[recipe]["myopic"]["percent"] for recipe in list(found)[:2])
     assert first != second  # the reward reached the learner
     lines = stock_recipes.PAGE.read_text().splitlines()
-    assert [line.split("|")[2].strip() for line in lines[4:7]] == list(stock_recipes.RECIPES)
+    assert [line.split("|")[2].strip() for line in lines[4:9]] == list(stock_recipes.RECIPES)
+    section = stock_recipes.section("wavegym/SectorSetup-v0")
+    assert section.count("```python") == len(stock_recipes.SHOWN) == 3
+    assert all(stock_recipes.code(recipe, "wavegym/SectorSetup-v0") in section for recipe in stock_recipes.SHOWN)
+
+
+def test_an_environment_without_results_has_no_section(tmp_path, monkeypatch):
+    monkeypatch.setattr(stock_recipes, "FOLDER", tmp_path)
+    assert stock_recipes.section("wavegym/SectorSetup-v0") == ""
+
+
+def test_an_unknown_recipe_is_refused():
+    with pytest.raises(InputError, match="recipe is 'scorer', expected one of"):
+        stock_recipes.main(["CameraSlew", "--recipes", "scorer"])
 
 
 def test_an_unknown_environment_is_refused():

@@ -48,7 +48,7 @@ def test_the_board_lists_the_cheapest_first_and_draws_all() -> None:
         own["bound"] = [0.8**2 * cost for cost in simple]
         found = {**own, "error": [None] * 3, "simple_error": [None] * 3, "microseconds": 5.0}
         declared = {"steps": 10, "cpu_seconds": None}
-        environments = {"wavegym/KershawEvans-v0": {**found, **declared}}
+        environments = {"wavegym/EnergyBudgetKnown-v0": {**found, **declared}}
         return {"name": name, "code": "here", "seed": 1, "worlds": 3, "environments": environments}
 
     records = [record("dear", 1.2), record("cheap", 0.8)]
@@ -56,5 +56,17 @@ def test_the_board_lists_the_cheapest_first_and_draws_all() -> None:
     assert [line.split("|")[1].strip() for line in lines[2:]] == ["cheap", "dear"]
     (own,) = submission.table(records[1]).splitlines()[2:]
     cells = [cell.strip() for cell in own.split("|")[1:-1]]
-    assert cells == ["KershawEvans-v0", "-20.0", "-20.0 to -20.0", "", "", "-36.0", "50 %", "50 to 50", "5", "10", ""]
+    assert cells == [
+        "EnergyBudgetKnown-v0",
+        "-20.0",
+        "-20.0 to -20.0",
+        "",
+        "",
+        "-36.0",
+        "50 %",
+        "50 to 50",
+        "5",
+        "10",
+        "",
+    ]
     assert board.picture(records).startswith(b"\x89PNG")

@@ -25,6 +25,7 @@ from stable_baselines3.dqn.policies import DQNPolicy, QNetwork
 from torch import Tensor, nn
 
 from wavegym.core import shortcuts
+from wavegym.core.errors import InputError
 from wavegym.core.system import System
 from wavegym.core.traits import TrackSlots
 from wavegym.learning.pooling_kernels import share_gradient
@@ -58,6 +59,19 @@ class Layout(NamedTuple):
         is_listed = isinstance(system.actions, SEVERAL) or count < len(system.candidates())
         of_targets = ((),) * count if is_listed else pairs(system)
         return cls(own, count, (observation.shape[0] - own) // count, of_targets, isinstance(system, TrackSlots))
+
+    @classmethod
+    def of_environments(cls, envs: Any) -> Layout:
+        """The layout in an ``SB3VecEnv`` with ``forecasts=True`` or ``candidates=K``.
+
+        Raises:
+            InputError: without them, or with actions that are no single index.
+        """
+        (system, *_), shown, actions = envs.get_attr("system"), envs.observation_space, envs.action_space
+        if not isinstance(actions, spaces.Discrete) or shown.shape[0] == len(system.observation_fields):
+            wanted = "one index and forecasts of each choice (nearest: candidates=32)"
+            raise InputError(f"a scorer was given {actions} and {shown.shape[0]} elements, expected {wanted}")
+        return cls.of(shown, actions, system)
 
 
 def pairs(system: System) -> tuple[tuple[int, ...], ...]:
@@ -217,11 +231,16 @@ class ActorAndCritic(nn.Module):
 
 
 class _Scoring:
-    """Replaces the MLP by the scorer; the scores are the logits, without a further layer."""
+    """Replaces the MLP by the scorer; the scores are the logits, without a further layer.
 
-    def __init__(self, *args: Any, layout: Layout, **settings: Any) -> None:
+    Args:
+        layout: of the observation, ``policy_kwargs={"layout": Layout.of_environments(envs)}``.
+        net_arch: widths of the trunk and of each round after it.
+    """
+
+    def __init__(self, *args: Any, layout: Layout, net_arch: Sequence[int] = (64, 64), **settings: Any) -> None:
         self.layout = Layout(*layout)
-        super().__init__(*args, **settings)
+        super().__init__(*args, net_arch=list(net_arch), **settings)  # type: ignore[call-arg]
 
     def _build_mlp_extractor(self) -> None:
         own: Any = self
