@@ -13,9 +13,15 @@ from wavegym.core.errors import InputError
 
 @pytest.mark.slow
 def test_each_recipe_is_trained_and_compared(tmp_path, monkeypatch):
-    for name, value in {"FOLDER": tmp_path, "PAGE": tmp_path / "page.md", "WORLDS": 3, "STEPS": 2048,
-                        "NAMES": ("SectorSetup",)}.items():  # fmt: skip
+    for name, value in {
+        "FOLDER": tmp_path,
+        "PAGE": tmp_path / "page.md",
+        "WORLDS": 3,
+        "NAMES": ("SectorSetup",),
+    }.items():
         monkeypatch.setattr(stock_recipes, name, value)
+    for recipe, (template, settings, _) in stock_recipes.RECIPES.items():
+        monkeypatch.setitem(stock_recipes.RECIPES, recipe, (template, settings, 2048))
     stock_recipes.PAGE.write_text(f"{stock_recipes.START}\n{stock_recipes.END}\n")
     stock_recipes.main([])
     found = json.loads((tmp_path / "SectorSetup.json").read_text())

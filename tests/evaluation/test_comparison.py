@@ -133,7 +133,7 @@ class Counting(Fixed):
         ({"by": "belif"}, "by is 'belif', expected .*did you mean 'belief'"),
         ({"seed": -1}, "seed is -1"),
         ({"horizn": 5}, "unexpected keyword argument 'horizn'.*did you mean 'horizon'"),
-        ({"reward": "log-cost"}, "unexpected keyword argument 'reward'"),
+        ({"reward": "log-cost"}, "reward is no parameter of .*, expected it in gym.make only"),
     ],
 )
 def test_mistakes_are_named_before_the_work_begins(monkeypatch, change, words):

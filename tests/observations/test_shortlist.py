@@ -13,6 +13,8 @@ from wavegym.evaluation import compare
 from wavegym.evaluation.play import make_task
 from wavegym.observations.observer import Observer
 from wavegym.observations.shortlist import NEAR, Shortlist, shortlist
+from wavegym.schedulers.registry import make_policy
+from wavegym.schedulers.rollout import allowed
 
 LISTED = ["KershawEvans-v0", "EnergyBudget-v0", "RfEo-v0", "AgileClutter-v0"]
 COUNT = 6
@@ -43,7 +45,9 @@ def costs_of(system: Any, belief: Any, actions: np.ndarray) -> np.ndarray:
 def test_the_first_rank_is_the_choice_of_the_one_step_scheduler(name: str) -> None:
     envs = made(name, candidates=COUNT)
     belief = later(envs)
-    wanted = envs.policy("myopic")()
+    myopic = make_policy("myopic", envs.system, None)
+    myopic.begin(envs.system, 3, np.random.default_rng(0))
+    wanted = myopic.act(belief, None, allowed(envs.system, belief))
     np.testing.assert_array_equal(Shortlist(envs.system, COUNT)(belief).actions[:, 0], wanted)
 
 
@@ -152,6 +156,11 @@ def test_other_lists_are_refused(name: str, settings: dict[str, Any], message: s
     with pytest.raises(InputError) as refused:
         gym.make(f"wavegym/{name}", **settings)
     assert str(refused.value).startswith(message)
+
+
+def test_policies_that_name_actions_do_not_follow_an_environment_of_ranks() -> None:
+    with pytest.raises(InputError, match="candidates is 6, expected an environment without it: policies name actions"):
+        made("RfEo-v0", candidates=COUNT).policy("myopic")
 
 
 def test_a_rank_beyond_the_list_is_refused() -> None:

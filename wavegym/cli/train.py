@@ -99,7 +99,7 @@ def train(arguments: Sequence[str] | None) -> None:
 def _task(options: Any) -> tuple[str, dict[str, Any], dict[str, Any]]:
     """The full id, the parameters of the environment, and the training settings that the options give.
 
-    Of a scenario file, the reward and the forecasts are training settings. The run records values, not the file.
+    Of a scenario file, reward, forecasts and candidates are training settings. The run records values, not the file.
     """
     from wavegym.envs.scenario import read_scenario, scenario_differences
 
@@ -111,7 +111,8 @@ def _task(options: Any) -> tuple[str, dict[str, Any], dict[str, Any]]:
     if file:
         stated = read_scenario(file).parameters
         parameters = {**scenario_differences(env_id, file), **parameters}
-        settings = {**{name: stated[name] for name in ("reward", "forecasts") if name in stated}, **settings}
+        shell = ("reward", "forecasts", "candidates")
+        settings = {**{name: stated[name] for name in shell if name in stated}, **settings}
     return env_id, parameters, settings
 
 

@@ -115,6 +115,8 @@ def make_checked(
         names = [field.name for field in dataclasses.fields(make)]
         for name in values:
             if name not in names:
+                if name in beside:
+                    raise UnexpectedKeywordError(f"{name} is no parameter of {title}, expected it in gym.make only")
                 unexpected = f"{title} got an unexpected keyword argument {name!r}"
                 raise UnexpectedKeywordError(f"{unexpected}{nearest(name, [*names, *beside])}")
     try:

@@ -30,10 +30,16 @@ class PolicyInLoop:
         is_single: whether the axis of the environments is left out of the actions.
 
     Raises:
-        InputError: no such scheduler (nearest named), one that this system cannot have, or no Policy.
+        InputError: no such scheduler (nearest named), one that this system cannot have, or no Policy; an environment
+            whose actions are ranks in a short list.
     """
 
     def __init__(self, envs: Any, policy: str | Policy, seed: int = 0, is_single: bool = False) -> None:
+        if shortlist := envs.episodes.observer.shortlist:
+            wanted = (
+                "an environment without it: policies name actions, not ranks (nearest: rank 0 is the choice of myopic)"
+            )
+            raise InputError(f"candidates is {shortlist.count}, expected {wanted}")
         self._envs, self._is_single = envs, is_single
         self._given, self._seed = policy, check_int("seed", seed, 0)
         self._begin(envs.system)
