@@ -24,7 +24,7 @@ from wavegym.core.errors import check_choice
 from wavegym.core.files import write_whole
 from wavegym.core.shortcuts import Recursion
 from wavegym.core.work import add_worker_options, workers
-from wavegym.core.worlds import draw_worlds, word
+from wavegym.core.worlds import draw_worlds
 from wavegym.evaluation import compare, make_task, statistics
 from wavegym.evaluation.adapters import AGENTS
 from wavegym.evaluation.comparison import Comparison
@@ -146,12 +146,7 @@ def bound(system: SharedSpectrum, worlds: Any) -> Array:
 
 def against(found: Comparison, policy: str, reference: str) -> dict[str, Any]:
     """Cost by ``belief`` and squared error by ``truth`` against the reference, as plain types."""
-    rng = np.random.default_rng([found.seed, word("bootstrap")])
-    own, other = found.results(policy), found.results(reference)
-    pairs = {"belief": (own.cost, other.cost), "truth": (own.squared_error, other.squared_error)}
-    return {
-        half: named("percent", "ci", statistics.difference(*values, rng).geometric) for half, values in pairs.items()
-    }
+    return {by: named("percent", "ci", found.against(policy, reference, by=by)) for by in ("belief", "truth")}
 
 
 def figures(found: Comparison, policy: str, reference: str) -> dict[str, Any]:
