@@ -36,6 +36,7 @@ FOLDER, PAGE = ROOT / "results" / "grades", ROOT / "docs" / "grades.md"
 PICTURE = ROOT / "docs" / "images" / "grades.png"
 START, END = "<!-- made by `python -m agents.grades`: -->", "<!-- grades to here -->"
 WORLDS, SEED = 200, 2  # of the test
+STEPS = 1_000_000  # of a training at another difficulty than the default
 
 
 def default_of(name: str) -> Any:
@@ -55,7 +56,10 @@ def train(name: str, stages: Sequence[str], jobs: int) -> None:
     known = load_experiments()[name]
     own = {
         folder_of(name, label, value).name: dataclasses.replace(
-            known.agents[label], parameters=(f"{parameter}={value:g}",), seeds=(0,)
+            known.agents[label],
+            settings=(*known.agents[label].settings, *(() if label == "ppo-imitation" else (f"steps={STEPS}",))),
+            parameters=(f"{parameter}={value:g}",),
+            seeds=(0,),
         )
         for label in stages
         for value in values
