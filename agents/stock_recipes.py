@@ -25,7 +25,7 @@ from wavegym.evaluation.table import interval, signed, tabulated
 from wavegym.registration import full_id, stem
 
 NAMES = (
-    "CameraSlew", "SectorSetup", "EnergyBudgetKnown", "SharedSpectrum", "BeamAllocation", "AgileClutter",
+    "CameraSlew", "SectorSetup", "EnergyBudgetKnown", "BeamAllocation", "AgileClutter",
     "KershawEvansPosition",
 )  # fmt: skip
 PPO = """from stable_baselines3 import PPO
