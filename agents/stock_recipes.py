@@ -24,10 +24,7 @@ from wavegym.evaluation.summary import named
 from wavegym.evaluation.table import interval, signed, tabulated
 from wavegym.registration import full_id, stem
 
-NAMES = (
-    "CameraSlew", "SectorSetup", "EnergyBudgetKnown", "BeamAllocation", "AgileClutter",
-    "KershawEvansPosition",
-)  # fmt: skip
+NAMES = ("CameraSlew", "SectorSetup", "EnergyBudgetKnown", "BeamAllocation", "AgileClutter", "KershawEvansPosition")
 PPO = """from stable_baselines3 import PPO
 from wavegym.envs.sb3 import SB3VecEnv
 
