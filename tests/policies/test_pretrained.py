@@ -68,12 +68,6 @@ def test_where_an_agent_of_several_variants_was_not_it_says_so() -> None:
         ("UrbanSignal-v0", "ppo", {}, "comes without a trained agent, .*did you mean 'wavegym/Urban-v0'?"),
         ("Urban-v0", "po", {}, "agent is 'po', expected one of 'ppo', 'dqn'; did you mean 'ppo'?"),
         ("Urban-v0", "ppo", {"horizont": 3}, "did you mean 'horizon'?"),
-        (
-            "RfEo-v0",
-            "dqn",
-            {},
-            r"offers 6 \(box, .*nearest: the settings action=joint 'prf=\[500.0, 1000.0\]' 'points=",
-        ),
         ("AgileClutter-v0", "dqn", {"action": "library"}, "nearest: the setting action=joint of its training"),
     ],
 )

@@ -48,7 +48,9 @@ def test_a_page_begins_with_picture_and_best_scores(monkeypatch):
     costs = [float(row.split("|")[2]) for row in table.splitlines()[2:]]
     assert len(costs) == 6
     assert costs == sorted(costs)
-    assert text.replace("\n\n".join([picture, best, table, ""]), "") == describe("wavegym/SectorSetup-v0")
+    described, _, recipes = text.replace("\n\n".join([picture, best, table, ""]), "").partition("\n\n\n## Train it")
+    assert described + "\n" == describe("wavegym/SectorSetup-v0")
+    assert recipes.count("```python") == 3
 
 
 def test_a_page_ends_with_its_own_speed():
