@@ -38,8 +38,15 @@ from wavegym.learning.scorer import Layout, ScorerPolicy
 
 envs = SB3VecEnv("{env_id}", num_envs=128{settings})
 model = PPO(
-    ScorerPolicy, envs, policy_kwargs={{"layout": Layout.of_environments(envs)}}, n_steps=50, batch_size=1600,
-    gamma=0.97, gae_lambda=0.95, learning_rate=lambda left: 1e-3 * left, seed={seed},
+    ScorerPolicy,
+    envs,
+    policy_kwargs={{"layout": Layout.of_environments(envs)}},
+    n_steps=50,
+    batch_size=1600,
+    gamma=0.97,
+    gae_lambda=0.95,
+    learning_rate=lambda left: 1e-3 * left,
+    seed={seed},
 )
 model.learn({steps})
 """
