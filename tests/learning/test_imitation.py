@@ -157,6 +157,8 @@ def test_of_several_modes_the_likely_one_that_is_near_counts() -> None:
 def test_imitation_in_a_box() -> None:
     env = "wavegym/RfEoFar-v0"
     own = {
+        "candidates": 0,
+        "policy": "mlp",
         "teacher": "myopic",
         "teacher_episodes": 20,
         "imitation_rounds": 2,

@@ -34,13 +34,18 @@ ALL = sorted(str(file.parent.relative_to(PRETRAINED)) for file in PRETRAINED.glo
 
 def observations(run: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     """What the network of a run sees, with its masks, in episodes with random allowed actions of its environment."""
-    forecasts, environment = bool(run["settings"].get("forecasts", False)), run["settings"]["environment"]
-    envs = gym.make_vec(run["env"], num_envs=ENVS, forecasts=forecasts, **environment)
+    settings, rng = run["settings"], np.random.default_rng(0)
+    shell = {"forecasts": bool(settings.get("forecasts", False)), "candidates": settings.get("candidates") or None}
+    envs = gym.make_vec(run["env"], num_envs=ENVS, **shell, **settings["environment"])
     choice, system = RandomChoice(), envs.unwrapped.system
-    choice.begin(system, ENVS, np.random.default_rng(0))
+    choice.begin(system, ENVS, rng)
     shown, masks = [envs.reset(seed=0)[0]], [envs.unwrapped.action_masks()]
     for _ in range(STEPS - 1):
-        shown.append(envs.step(choice.act(envs.unwrapped.belief, shown[-1], masks[-1]))[0])
+        if shell["candidates"]:  # ranks, all of which are allowed in these environments
+            actions = rng.integers(shell["candidates"], size=ENVS)
+        else:
+            actions = choice.act(envs.unwrapped.belief, shown[-1], masks[-1])
+        shown.append(envs.step(actions)[0])
         masks.append(envs.unwrapped.action_masks())
     own = len(system.observation_fields) if run["actions"]["form"] == ALIKE else 0
     return np.concatenate(shown)[:, own:], np.concatenate(masks)
