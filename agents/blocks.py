@@ -42,6 +42,12 @@ def read_results(file: Path) -> dict[str, Any]:
     return found
 
 
+def add_result(file: Path, key: str, found: Any) -> None:
+    """Add an entry to a JSON file of results, or replace it."""
+    content = json.dumps(read_results(file) | {key: found}, indent=1) + "\n"
+    write_whole(file.parent, {file.name: content.encode()})
+
+
 def both(belief: str, truth: str) -> str:
     """Two tables of the same form."""
     return f"By belief:\n\n{belief}\n\nBy truth:\n\n{truth}"

@@ -9,7 +9,6 @@ results/grades, the tables and the picture to docs/grades.md. ``--tables`` renew
 from __future__ import annotations
 
 import dataclasses
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -80,8 +79,7 @@ def play(name: str, jobs: int) -> None:
         }
         common: dict[str, Any] = {"worlds": WORLDS, "seed": SEED, "jobs": jobs, "progress": False}
         found = compare(full_id(f"{name}-v0"), policies, **common, **{parameter: value})
-        figures = blocks.read_results(FOLDER / f"{name}.json") | {f"{value:g}": _figures(found, planner)}
-        write_whole(FOLDER, {f"{name}.json": (json.dumps(figures, indent=1) + "\n").encode()})
+        blocks.add_result(FOLDER / f"{name}.json", f"{value:g}", _figures(found, planner))
 
 
 def _figures(found: Comparison, planner: str) -> dict[str, Any]:

@@ -8,7 +8,6 @@ trains some of them, ``--tables`` renews the page without training.
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from time import process_time
@@ -18,7 +17,6 @@ from agents import blocks
 from agents.leaderboard import ROOT
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
-from wavegym.core.files import write_whole
 from wavegym.evaluation import compare
 from wavegym.evaluation.summary import named
 from wavegym.evaluation.table import interval, signed, tabulated
@@ -131,8 +129,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         file = FOLDER / f"{stem(env_id)}.json"
         for recipe in given.recipes:
             found = learned(check_choice("recipe", recipe, RECIPES), env_id, given.seed)
-            results = blocks.read_results(file) | {recipe: found}
-            write_whole(FOLDER, {file.name: (json.dumps(results, indent=1) + "\n").encode()})
+            blocks.add_result(file, recipe, found)
             print(env_id, recipe, *(found[name]["percent"] for name in OPPONENTS), flush=True)
     results = {name: found for name in NAMES if (found := blocks.read_results(FOLDER / f"{name}.json"))}
     blocks.renew(PAGE, START, END, table(results))

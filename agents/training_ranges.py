@@ -15,7 +15,7 @@ from wavegym.core.command_line import Parser, guarded
 from wavegym.core.files import write_whole
 from wavegym.learning.observed import range_in_training
 from wavegym.policies.networks import RANGE_KEY, LearnedPolicy
-from wavegym.policies.runs import RUN, read_network, read_run
+from wavegym.policies.runs import RUN, read_network, read_run, shown_in
 
 FOLDER = ROOT / "results" / "runs"
 
@@ -24,9 +24,7 @@ def note(folder: Path) -> None:
     """Add the range of a run to its record."""
     run = read_run(folder / RUN)
     settings = run["settings"]
-    policy = LearnedPolicy(
-        read_network(folder, run), bool(settings.get("forecasts", False)), settings.get("candidates")
-    )
+    policy = LearnedPolicy(read_network(folder, run), *shown_in(run))
     found = range_in_training(policy, run["env"], run["seed"], settings["environment"], settings.get("variants", ()))
     write_whole(folder, {RUN: (json.dumps({**run, RANGE_KEY: found.record()}, indent=2) + "\n").encode()})
 

@@ -11,7 +11,7 @@ import wavegym
 from agents.package import move, sources
 from wavegym.core.errors import InputError, InputWarning
 from wavegym.core.policy import Policy
-from wavegym.policies.runs import PRETRAINED, PRETRAINED_FILES, RUN, pretrained_folder, read_run
+from wavegym.policies.runs import PRETRAINED, PRETRAINED_FILES, RUN, pretrained_folder, read_run, shown_in
 
 PACKAGED = [(run["env"], run["algo"]) for run in map(read_run, sorted(PRETRAINED.glob(f"*/*/{RUN}")))]
 
@@ -81,3 +81,16 @@ def test_a_mistake_names_the_nearest_agent(env_id: str, algo: str, parameters: d
 def test_an_environment_of_another_name_has_none(env_id: str) -> None:
     assert pretrained_folder(env_id, "ppo") is None
     assert pretrained_folder("wavegym/Urban-v0", "../Urban/ppo") is None
+
+
+@pytest.mark.parametrize(
+    ("settings", "shown"),
+    [
+        ({}, (False, None)),
+        ({"forecasts": True, "candidates": 0}, (True, None)),
+        ({"forecasts": False, "candidates": 32}, (False, 32)),
+    ],
+)
+def test_a_run_without_a_short_list_shows_all_actions(settings: dict, shown: tuple) -> None:
+    """``candidates`` is 0 in such a run, and absent in runs older than the setting."""
+    assert shown_in({"settings": settings}) == shown

@@ -205,15 +205,20 @@ def _load(folder: Path, env_id: str, system: System) -> LearnedPolicy:
     run = read_run(folder / RUN)
     _check_signature(folder, run, env_id, system)
     check_choice(f"algo in {folder / RUN}", run["algo"], ("ppo", "dqn"))
-    network, settings = read_network(folder, run), run["settings"]
+    network, shown = read_network(folder, run), shown_in(run)
     own = 0 if network.is_alike else len(system.observation_fields)
-    shown = bool(settings.get("forecasts", False)), settings.get("candidates") or None
     fields = Observer(system, *shown).forecasts
     of_candidate, of_all = (len(fields.candidate_fields), len(fields.observation_fields)) if fields else (0, 0)
     inputs = own + (of_candidate if network.is_alike else of_all)
     if network.inputs != inputs:
         raise InputError(f"policy {str(folder)!r} observes {network.inputs} elements, but this {env_id} shows {inputs}")
     return LearnedPolicy(network, *shown, _training_range(folder, run, own, of_candidate))
+
+
+def shown_in(run: dict[str, Any]) -> tuple[bool, int | None]:
+    """The forecasts and the candidates of a run's training, as ``Observer`` takes them."""
+    settings = run["settings"]
+    return bool(settings.get("forecasts", False)), settings.get("candidates") or None
 
 
 def _training_range(folder: Path, run: dict[str, Any], own: int, forecasts: int) -> TrainingRange | None:
