@@ -119,8 +119,9 @@ SETTINGS = {  # of every environment, with their meaning
     "settings and what they reported last; only some systems offer it",
     "max_episode_steps": "truncate after this many steps, before the system's own end",
     "forecasts": "append the expected outcome of each candidate, one step ahead, to the observation",
-    "candidates": "K: the action is one index into the K actions of least expected cost one step ahead, and the "
-    "observation has the forecasts of these; where a library has at most K actions, the action stays an index into it",
+    "candidates": "K: the action is one index into a list of K actions, the choice of myopic first and then others in "
+    "the order of their expected cost; the observation has the forecasts of these. Where a library has at most K "
+    "actions, the action stays an index into it",
     "scenario": "a TOML file with parameters and settings, of `gym.make` and `gym.make_vec`; keywords beside it win. "
     "`wavegym describe ID --toml` writes one",
 }

@@ -38,9 +38,9 @@ def test_the_combinations_are_the_callers_own():
 
 
 @pytest.mark.parametrize("kind", [PerSensorLibrary, JointLibrary])
-@pytest.mark.parametrize("sensors", [0, -2, 1.5, "2"])
-def test_a_number_of_sensors_below_one_is_refused(kind, sensors):
-    with pytest.raises(InputError, match=f"sensors is {sensors!r}, expected an integer >= 1 .nearest: 1"):
+@pytest.mark.parametrize(("sensors", "closest"), [(0, 1), (-2, 1), (2.5, 2), ("2", 1), (True, 1)])
+def test_a_number_of_sensors_below_one_is_refused(kind, sensors, closest):
+    with pytest.raises(InputError, match=f"sensors is {sensors!r}, expected an integer >= 1 .nearest: {closest}"):
         kind(gaussian_chirp_library(DURATIONS, [0.0]), sensors)
 
 

@@ -101,7 +101,7 @@ def test_constant_ratio_is_exact():
 def test_what_the_estimates_are(values, factor):
     baseline = np.flip(values, axis=1) * factor
     result = statistics.difference(values, baseline[:1], rng())
-    assert result.percent.value == pytest.approx(100 * (values.mean() / baseline[0].mean() - 1), abs=1e-9)
+    assert result.percent.value == pytest.approx(100 * (values.mean() / baseline[0].mean() - 1), rel=1e-9, abs=1e-9)
     assert result.geometric.value == pytest.approx(
         100 * (gmean(values / baseline[0], axis=None) - 1), rel=1e-9, abs=1e-9
     )
@@ -135,24 +135,42 @@ def test_a_spread_between_training_runs_widens_the_interval():
     alike, unlike = np.ones((4, 1)), np.array([[0.8], [0.9], [1.1], [1.2]])
     narrow = statistics.difference(alike * noise * baseline, baseline, rng()).percent
     wide = statistics.difference(unlike * noise * baseline, baseline, rng()).percent
-    # Student's t of four runs with factors of standard deviation 0.1826.
-    assert np.ptp(wide.ci) == pytest.approx(2 * 3.1824 * 18.26 / 2, rel=0.02)
+    # Student's t of four runs whose factors have logarithms of standard deviation 0.1849.
+    assert np.ptp(np.log1p(np.array(wide.ci) / 100)) == pytest.approx(2 * 3.1824 * 0.1849 / 2, rel=0.02)
     assert np.ptp(narrow.ci) < 2.0
+
+
+def test_a_spread_between_training_runs_of_the_reference_widens_the_interval_as_much():
+    data = np.random.default_rng(6)
+    unlike = np.array([[0.1], [0.3], [0.5]]) * data.lognormal(0, 0.5, (1, 200))
+    one = data.lognormal(0, 0.02, (1, 200)) * unlike.mean(axis=0)
+    there, back = (statistics.difference(*pair, rng()) for pair in ((unlike, one), (one, unlike)))
+    for low, high in ((1 + each.ci[0] / 100, 1 + each.ci[1] / 100) for each in there):
+        assert 0.0 < low < high  # no policy costs 100 % less than another
+    widths = [np.diff(np.log1p(np.array(each.geometric.ci) / 100)) for each in (there, back)]
+    assert widths[0] == pytest.approx(widths[1], rel=1e-3)  # on the logarithmic scale; BCa's ends differ a little
+    assert statistics.p_value(unlike, one) == pytest.approx(statistics.p_value(one, unlike), rel=1e-9)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("spread", [0.0, 0.02, 0.1])
-@pytest.mark.parametrize("members", [3, 10])
-def test_the_interval_over_training_runs_covers_the_figure_of_a_training(members, spread):
-    """Runs differ by ``spread``, worlds by 1, and a run in a world by 0.2, all in logarithms."""
-    data = np.random.default_rng([members, int(100 * spread)])
+@pytest.mark.parametrize(("members", "others"), [(3, 0), (10, 0), (0, 3), (3, 3)])
+def test_the_interval_over_training_runs_covers_the_figure_of_a_training(members, others, spread):
+    """Runs differ by ``spread``, worlds by 1, and a run in a world by 0.2, all in logarithms; no run at all: a rule."""
+    data = np.random.default_rng([members, others, int(100 * spread)])
     trials, worlds, covered, rejected = 300, 60, 0, 0
+
+    def drawn(count):
+        if not count:
+            return level
+        runs = data.normal(0.0, spread, (count, 1)) + data.normal(0.0, 0.2, (count, worlds))
+        return level * np.exp(runs)
+
     for _ in range(trials):
-        baseline = np.exp(data.normal(0.0, 1.0, (1, worlds)))
-        own = data.normal(0.0, spread, (members, 1)) + data.normal(0.0, 0.2, (members, worlds))
-        found = statistics.difference(baseline * np.exp(own), baseline, rng()).geometric
-        covered += inside(0.0, found.ci)
-        rejected += statistics.p_value(baseline * np.exp(own), baseline) < 0.05
+        level = np.exp(data.normal(0.0, 1.0, (1, worlds)))
+        own, reference = drawn(members), drawn(others)
+        covered += inside(0.0, statistics.difference(own, reference, rng()).geometric.ci)
+        rejected += statistics.p_value(own, reference) < 0.05
     # The two parts add in squares, so that coverage is 95 % or more; three standard errors of a share are 0.038.
     assert covered / trials > 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / trials)
     assert rejected / trials < 0.05 + 3.0 * np.sqrt(0.95 * 0.05 / trials)
@@ -203,8 +221,7 @@ def test_degenerate_samples_give_none_or_width_zero_and_no_warning(members):
     assert alike == (2.0, (2.0, 2.0))
     assert ratio == ((0.0, (0.0, 0.0)), (0.0, (0.0, 0.0)))
     assert zero == ((None, None), (None, None))
-    assert negative.percent.value == -200.0
-    assert negative.geometric == (None, None)
+    assert negative == ((None, None), (None, None))
     assert broken == (None, None)
     assert two.value == 2.0
     assert inside(2.0, two.ci)

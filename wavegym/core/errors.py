@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable
-from typing import SupportsIndex
+from collections.abc import Callable, Iterable
+from numbers import Real
+from typing import Any
 
 
 class InputError(ValueError):
@@ -48,31 +49,32 @@ def check_choice(name: str, value: object, choices: Iterable[str]) -> str:
 
 def check_positive(name: str, value: float, unit: str = "") -> float:
     """Return ``value`` if it is finite and > 0; otherwise raise an InputError."""
-    return _checked(name, value, unit, value > 0 and math.isfinite(value), "a finite number > 0")
+    return _checked(name, value, unit, lambda number: number > 0 and math.isfinite(number), "a finite number > 0")
 
 
 def check_non_negative(name: str, value: float, unit: str = "") -> float:
     """Return ``value`` if it is finite and >= 0; otherwise raise an InputError."""
-    return _checked(name, value, unit, value >= 0 and math.isfinite(value), "a finite number >= 0")
+    return _checked(name, value, unit, lambda number: number >= 0 and math.isfinite(number), "a finite number >= 0")
 
 
 def check_within(name: str, value: float, low: float, high: float, unit: str = "") -> float:
     """Return ``value`` if low <= value <= high; otherwise raise an InputError naming the nearest bound."""
     wanted = f"a number in [{low:g}, {high:g}]"
-    if math.isfinite(value):
+    if _is_number(value) and math.isfinite(value):
         wanted += f" (nearest: {min(max(value, low), high):g})"
-    return _checked(name, value, unit, low <= value <= high, wanted)
+    return _checked(name, value, unit, lambda number: low <= number <= high, wanted)
 
 
 def check_probability(name: str, value: float) -> float:
     """Return ``value`` if 0 < value < 1; otherwise raise an InputError."""
-    return _checked(name, value, "", 0.0 < value < 1.0, "a probability above 0 and below 1")
+    return _checked(name, value, "", lambda number: 0.0 < number < 1.0, "a probability above 0 and below 1")
 
 
-def check_int(name: str, value: SupportsIndex, low: int) -> int:
-    """Return ``value`` as an int if it is a whole number >= low; otherwise raise an InputError naming the bound."""
-    if not hasattr(value, "__index__") or int(value) < low:
-        raise InputError(f"{name} is {value!r}, expected an integer >= {low} (nearest: {low})")
+def check_int(name: str, value: Any, low: int) -> int:
+    """Return ``value`` as an int if it is an integer >= low; otherwise raise an InputError naming the nearest."""
+    if isinstance(value, bool) or not hasattr(value, "__index__") or int(value) < low:
+        close = max(low, round(value)) if _is_number(value) and math.isfinite(value) else low
+        raise InputError(f"{name} is {value!r}, expected an integer >= {low} (nearest: {close})")
     return int(value)
 
 
@@ -84,7 +86,11 @@ def check_ordered(name: str, low: float, high: float) -> None:
         raise InputError(f"{name} is ({low:g}, {high:g}), expected (low, high); nearest: ({high:g}, {low:g})")
 
 
-def _checked(name: str, value: float, unit: str, valid: bool, wanted: str) -> float:
-    if not valid:
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _checked(name: str, value: float, unit: str, valid: Callable[[float], bool], wanted: str) -> float:
+    if not (_is_number(value) and valid(value)):
         raise InputError(f"{name} is {value!r}{' ' + unit if unit else ''}, expected {wanted}")
     return value

@@ -89,10 +89,9 @@ class RankReader(IndexReader):
     def read(self, actions: Any, belief: Any, ignored: Array | None) -> Array:
         """See ``ActionReader``."""
         ranks = super().read(actions, belief, ignored)
-        listed = self._shortlist(belief)
         if self.system.strict:
-            _check_mask(ranks, listed.allowed, ignored)
-        return listed.actions[np.arange(len(ranks)), ranks]
+            _check_mask(ranks, self._shortlist(belief).allowed, ignored)
+        return self._shortlist.taken(belief, ranks)
 
     def transition_info(self, actions: Any, chosen: Array) -> dict[str, Array]:
         """The actions of these ranks, (env, ...)."""

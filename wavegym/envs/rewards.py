@@ -58,7 +58,7 @@ class Cost:
 
 
 class Scaled(Cost):
-    """Minus the cost divided by one number, so that policies keep their order and a critic learns values near 1.
+    """Minus the cost divided by one number, so that policies keep their order and rewards are of the order of -1.
 
     Args:
         scale: > 0; by default that of the system's class: see ``scale_of``.

@@ -1,4 +1,4 @@
-"""The actions of least expected cost one step ahead, as a short list from which an agent picks one by its rank."""
+"""A short list of actions that promise a low cost one step ahead; an agent picks one by its rank."""
 
 from __future__ import annotations
 
@@ -33,11 +33,12 @@ class Listed(NamedTuple):
 
 
 class Shortlist:
-    """The ``count`` candidates of least expected cost one step ahead.
+    """The choice of the one-step scheduler, and the ``count`` - 1 other candidates of least expected cost.
 
-    The candidates of a library are all its actions. Those of several sensors, or of a box, are the choice of the
-    one-step scheduler and actions that differ from it at one sensor: there they have any waveform or, in a box, any
-    point of the system's grid. In a box one parameter may also be a little larger or smaller.
+    The candidates of a library are all its actions. Those of several sensors, or of a box, differ from that choice at
+    one sensor: there they have any waveform or, in a box, any point of the system's grid. In a box one parameter may
+    also be a little larger or smaller, and a candidate may cost less than the choice: the scheduler's search in a box
+    does not find its least point.
 
     Args:
         system: the closed loop.
@@ -87,7 +88,7 @@ class Shortlist:
         if self._changes is not None:
             best = self._best(belief)[:, None]
             candidates = np.concatenate([best, self._changes.of(best)], axis=1)
-            ranked = _first_then_cheapest(self._costs(belief, candidates), (candidates == best).all(axis=2))
+            ranked = _first_then_cheapest(self._costs(belief, candidates))
             actions = candidates[rows, ranked[:, : self.count]]
             return Listed(actions, np.ones(actions.shape[:2], np.bool_))
         costs = self._costs(belief, np.broadcast_to(self._candidates, (len(rows), len(self._candidates))))
@@ -115,18 +116,20 @@ class Shortlist:
         return self._candidates[self._system.cost(ahead).argmin(axis=1)]
 
 
-def _first_then_cheapest(costs: Array, copies: Array) -> Array:
-    """Candidates (env, candidate): the first, then by cost; at the end its copies, and all but one of equal cost.
+def _first_then_cheapest(costs: Array) -> Array:
+    """Candidates (env, candidate): the first, then by cost; at the end all but the first of each cost.
 
-    Settings that make no difference now, such as a larger field of view than needed, would fill the list.
+    Copies of an action would fill the list, and settings that make no difference now, such as a larger field of view
+    than needed.
     """
     rows = np.arange(len(costs))[:, None]
-    costs = np.where(copies, np.inf, costs)
-    costs[:, 0] = -np.inf
-    ranked = costs.argsort(axis=1, kind="stable")
+    first, key = costs[:, :1], costs.copy()
+    key[:, 0] = -np.inf
+    ranked = key.argsort(axis=1, kind="stable")
     ordered = costs[rows, ranked]
-    repeated = np.zeros(costs.shape, np.bool_)
-    repeated[:, 2:] = ordered[:, 2:] <= ordered[:, 1:-1] * (1.0 + EQUAL)
+    repeated = np.isclose(ordered, first, rtol=EQUAL, atol=0.0)
+    repeated[:, 1:] |= np.isclose(ordered[:, 1:], ordered[:, :-1], rtol=EQUAL, atol=0.0)
+    repeated[:, 0] = False
     return ranked[rows, repeated.argsort(axis=1, kind="stable")]
 
 
