@@ -130,6 +130,10 @@ class Counting(Fixed):
         ({"worlds": 0}, "worlds is 0, expected an integer >= 1"),
         ({"jobs": 0}, "jobs is 0, expected an integer >= 1"),
         ({"until": 0.0}, "until is 0.0, expected a finite number > 0"),
+        ({"until": "1"}, "until is '1', expected a finite number > 0"),
+        ({"by": "truth"}, "by is 'truth', expected until"),
+        ({"candidates": True}, "candidates is True, expected an integer >= 1"),
+        ({"candidates": 2, "observation": "measurements"}, "observation is 'measurements', expected 'belief'"),
         ({"by": "belif"}, "by is 'belif', expected .*did you mean 'belief'"),
         ({"seed": -1}, "seed is -1"),
         ({"horizn": 5}, "unexpected keyword argument 'horizn'.*did you mean 'horizon'"),
@@ -158,7 +162,7 @@ def test_worlds_are_played_until_the_intervals_are_narrow(by):
 
 def test_a_width_that_takes_too_many_worlds_is_told(monkeypatch):
     monkeypatch.setattr(module, "MOST_WORLDS", 100)
-    with pytest.warns(InputWarning, match=r"up to .* % wide on either side after 100 worlds, expected 0.001 %"):
+    with pytest.warns(InputWarning, match=r"of 'random' is .* % wide on one side after 100 worlds, expected 0.001 %"):
         found = compare(POSITION, ["random"], worlds=50, until=0.001, jobs=1, progress=False, **SMALL)
     assert len(found.seeds) == 100
 
@@ -184,7 +188,9 @@ def test_stopping_at_a_width_keeps_the_coverage():
 
     for _ in range(repeats):
         drawn = Drawn()
-        while (worlds := module._enough_worlds(drawn.count, module._widest(drawn, "belief"), 6.0)) > drawn.count:
+        while (
+            worlds := module._enough_worlds(drawn.count, module._widths(drawn, "belief")["mine"], 6.0)
+        ) > drawn.count:
             drawn.count = worlds
         low, high = drawn.against("mine", "belief").ci
         covered += low <= 100.0 * (ratio - 1.0) <= high
@@ -199,7 +205,7 @@ def test_a_learned_policy_that_costs_more_than_myopic_is_told_so():
         compare(POSITION, worse, worlds=30, jobs=1, progress=False, **SMALL)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        compare(POSITION, {"random": None, "fixed:0": None}, worlds=30, jobs=1, progress=False, **SMALL)
+        compare(POSITION, {"random": None, "floor": "fixed:0"}, worlds=30, jobs=1, progress=False, **SMALL)
 
 
 @pytest.mark.parametrize("price", [float("nan"), float("inf"), -float("inf")])

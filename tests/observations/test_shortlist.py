@@ -12,7 +12,7 @@ from wavegym.core.errors import InputError
 from wavegym.evaluation import compare
 from wavegym.evaluation.play import make_task
 from wavegym.observations.observer import Observer
-from wavegym.observations.shortlist import NEAR, Shortlist, shortlist
+from wavegym.observations.shortlist import NEAR, Shortlist, _first_then_cheapest, shortlist
 from wavegym.schedulers.registry import make_policy
 from wavegym.schedulers.rollout import allowed
 
@@ -146,7 +146,7 @@ def test_a_list_that_would_hold_a_whole_library_is_none_and_shows_its_forecasts(
     ("name", "settings", "message"),
     [
         ("RfEo-v0", {"candidates": 0}, "candidates is 0, expected an integer >= 1 (nearest: 1)"),
-        ("RfEo-v0", {"candidates": 2.5}, "candidates is 2.5, expected an integer >= 1 (nearest: 1)"),
+        ("RfEo-v0", {"candidates": 2.5}, "candidates is 2.5, expected an integer >= 1 (nearest: 2)"),
         ("RfEo-v0", {"candidates": "myopic"}, "candidates is 'myopic', expected an integer >= 1 (nearest: 1)"),
         ("MultifunctionRadar-v0", {"candidates": 8}, "candidates is 8 in MultifunctionRadar, expected forecasts=True"),
         ("KershawEvans-v0", {"candidates": 8, "observation": "measurements"}, "candidates is 8 with observation="),
@@ -181,6 +181,26 @@ class Ranked:
     def predict(self, observation: np.ndarray) -> np.ndarray:
         """The rank, for each environment."""
         return np.full(len(observation), self.rank)
+
+
+@pytest.mark.parametrize("name", ["RfEo-v0", "EnergyBudget-v0"])
+def test_a_function_sees_and_sends_what_the_comparison_says(name: str) -> None:
+    """As a model of that environment, which tells its spaces, does unasked."""
+    envs, widths = made(name, candidates=COUNT), set()
+
+    def last(observation: np.ndarray) -> np.ndarray:
+        widths.add(observation.shape[1])
+        return np.full(len(observation), COUNT - 1)
+
+    policies = {"model": Ranked(envs, COUNT - 1), "function": last}
+    found = compare(name, policies, candidates=COUNT, worlds=2, jobs=1, progress=False, horizon=5)
+    assert widths == {envs.single_observation_space.shape[0]}
+    np.testing.assert_array_equal(found.cost("function"), found.cost("model"))
+
+
+def test_a_list_repeats_no_cost_and_keeps_the_first() -> None:
+    costs = np.array([[2.0, 1.0, 2.0, 3.0, 1.0, 3.0, 2.0]])
+    assert _first_then_cheapest(costs).tolist() == [[0, 1, 3, 4, 2, 6, 5]]
 
 
 @pytest.mark.parametrize("name", ["RfEo-v0", "EnergyBudget-v0"])

@@ -111,10 +111,11 @@ def as_policies(given: Any, task: Task | None, name: str, *, trust: bool = False
         raise InputError(f"policy {name!r} is the class {given.__name__}, expected an object of it, or a Factory")
     if isinstance(given, Policy):
         return [given]
+    shown = () if task is None else (task.forecasts, task.candidates)
     if hasattr(given, "predict"):
-        return [PredictPolicy(given, name)]
+        return [PredictPolicy(given, name, *shown)]
     if callable(given):
-        return [FunctionPolicy(given, name)]
+        return [FunctionPolicy(given, name, *shown)]
     raise InputError(f"policy {name!r} is {given!r}, expected {TAKEN}")
 
 
@@ -215,12 +216,21 @@ class _Adapted:
 
     Args:
         name: of the policy, in error messages.
-        fields: length of the observations that it was made for; None for any length.
+        forecasts, candidates: of the environment that it was made for, as in ``gym.make``.
+        fields: length of the observations that it was made for; None: those of that environment.
         choices: number of actions or ranks among which it was made to choose; None where it chooses otherwise.
     """
 
-    def __init__(self, name: str, fields: int | None = None, choices: int | None = None) -> None:
-        self.name, self.fields, self.choices = name, fields, choices
+    def __init__(
+        self,
+        name: str,
+        forecasts: bool,
+        candidates: int | None,
+        fields: int | None = None,
+        choices: int | None = None,
+    ) -> None:
+        self.name, self.forecasts, self.candidates = name, forecasts, candidates
+        self.fields, self.choices = fields, choices
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``.
@@ -229,7 +239,12 @@ class _Adapted:
             InputError: the environment's observations, with forecasts or without, do not have ``fields`` elements.
         """
         self._observer: Observer | None = None  # of measurements, which the environment alone has
-        if self.fields in (None, len(system.observation_fields)):
+        self._length = self.fields  # of what it sees; None: what the environment shows
+        if self.fields is None:
+            self._observer = Observer(system, self.forecasts, self.candidates)
+            if self._observer.forecasts:
+                self._length = len(self._observer.observation_fields)
+        elif self.fields == len(system.observation_fields):
             self._observer = Observer(system)
         elif self.fields != _measured_fields(system):
             self._observer = self._with_forecasts(system)
@@ -242,7 +257,7 @@ class _Adapted:
         Raises:
             InputError: the actions have the wrong shape or type, or the environment does not show what the policy sees.
         """
-        if observation is None or self.fields not in (None, observation.shape[1]):
+        if observation is None or self._length not in (None, observation.shape[1]):
             if self._observer is None:
                 wanted = "an environment with observation='measurements'"
                 raise InputError(f"policy {self.name!r} takes observations of measurements, expected {wanted}")
@@ -262,7 +277,7 @@ class _Adapted:
                 return observer
             wanted = f"{own}, or {len(observer.observation_fields)} with forecasts"
         with suppress(InputError):  # a system without a short list
-            observer = Observer(system, candidates=self.choices)
+            observer = Observer(system, candidates=self.choices or self.candidates)
             if self.fields == len(observer.observation_fields):
                 return observer
         raise InputError(f"policy {self.name!r} takes observations of {self.fields} elements, expected {wanted}")
@@ -299,10 +314,17 @@ class FunctionPolicy(_Adapted):
     Args:
         function: of observations (env, fields) float32; returns actions (env, ...).
         name: see ``as_policy``.
+        forecasts, candidates: of the environment that it was made for, as in ``gym.make``.
     """
 
-    def __init__(self, function: Callable[[Array], Any], name: str = "function") -> None:
-        super().__init__(name)
+    def __init__(
+        self,
+        function: Callable[[Array], Any],
+        name: str = "function",
+        forecasts: bool = False,
+        candidates: int | None = None,
+    ) -> None:
+        super().__init__(name, forecasts, candidates)
         self.function = function
 
     def answer(self, observation: Array, belief: Any, mask: Array | None) -> Any:
@@ -320,16 +342,18 @@ class PredictPolicy(_Adapted):
     Args:
         model: the object.
         name: see ``as_policy``.
+        forecasts, candidates: of the environment that it was made for, as in ``gym.make``, where it does not tell its
+            ``observation_space`` and ``action_space``.
     """
 
-    def __init__(self, model: Any, name: str = "model") -> None:
+    def __init__(self, model: Any, name: str = "model", forecasts: bool = False, candidates: int | None = None) -> None:
         # Of a model only its network travels to other processes: its environment, or replay buffer, would not.
         network: Any = getattr(model, "policy", None)
         self.model: Any = network if hasattr(network, "predict") else model
         shape = getattr(getattr(model, "observation_space", None), "shape", None)
         choices = getattr(getattr(model, "action_space", None), "n", None)
         fields = None if shape is None else int(np.prod(shape))
-        super().__init__(name, fields, None if choices is None else int(choices))
+        super().__init__(name, forecasts, candidates, fields, None if choices is None else int(choices))
         self._taken = frozenset(inspect.signature(self.model.predict).parameters)
         self.forget()
 

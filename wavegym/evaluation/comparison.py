@@ -19,8 +19,9 @@ from wavegym.core.policy import Policy
 from wavegym.core.work import Call, Parts, kept_parts, run_all
 from wavegym.core.worlds import tuning_tapes, word, world_seeds
 from wavegym.evaluation import statistics
-from wavegym.evaluation.adapters import AGENTS, Given, as_policies
+from wavegym.evaluation.adapters import Given, as_policies
 from wavegym.evaluation.play import EpisodeResults, Played, Task, make_task, merged, play, results_of
+from wavegym.schedulers.registry import is_scheduler
 from wavegym.waveforms.chirp_laws import CHIRP_LAWS
 
 BASELINE = "myopic"
@@ -106,82 +107,88 @@ def compare(
         worlds: how many.
         until: play on, ``worlds`` or more, until the 95 % interval of every policy against ``myopic`` is at most this
             many per cent wide on either side, or ``MOST_WORLDS`` are played. Only widths are looked at, not results.
-        by: which interval: of the cost by "belief", or of the squared error by "truth".
+            More worlds do not narrow the part of an interval that is due to training runs.
+        by: which interval ``until`` means: of the cost by "belief", or of the squared error by "truth".
         seed: worlds, tuning worlds and the policies' own randomness follow from it.
         jobs: processes; -1 = one for each core.
         progress: show a bar on a terminal.
         trust: whether code in saved models and in ``"package.module:factory"`` may run.
         keep: a folder for results. Until the call ends, a hidden folder in it keeps the finished parts, so that the
             same call continues after an interruption.
-        **parameters: of the system, other than the registered ones.
+        **parameters: of the system, other than the registered ones; ``forecasts`` and ``candidates``, as in
+            ``gym.make``, are what functions see and choose from.
 
     Raises:
-        InputError: an unknown id, parameter or scheduler (nearest named), a number out of range, a policy whose actions
-            do not fit (named), or parameters with which a policy's costs are not finite.
+        InputError: an unknown id, parameter or scheduler (nearest named), a number out of range, ``by`` without
+            ``until``, a policy whose actions do not fit (named), or parameters with which a policy's costs are not
+            finite.
     """
     check_int("worlds", worlds, 1)
     if jobs != -1:
         check_int("jobs", jobs, 1)
-    check_choice("by", by, HALVES)
+    if check_choice("by", by, HALVES) != HALVES[0] and until is None:
+        raise InputError(f"by is {by!r}, expected until, whose interval it names (nearest: Comparison.against)")
     if until is not None:
         check_positive("until", until)
         worlds = CHUNK * math.ceil(worlds / CHUNK)  # so that batches are the same in one call and in several
     task = make_task(env_id, parameters)
     given = by_name(policies)
     members = members_of(task, given, seed, trust)
-    seeds: list[int] = []
-    records: dict[str, list[list[Played]]] = {name: [[] for _ in those] for name, (_, those) in members.items()}
     with kept_parts(keep, Played) as parts:
-        while len(seeds) < worlds:
-            further = world_seeds(seed, "test", worlds)[len(seeds) :]
-            _play(members, further, records, jobs, progress, parts)
-            seeds += further
-            comparison = Comparison(
-                task, seed, seeds, {name: [merged(own) for own in those] for name, those in records.items()}
-            )
+        comparison = Comparison(task, seed, [], {name: [] for name in members})
+        while len(comparison.seeds) < worlds:
+            comparison = _played_on(comparison, members, worlds, jobs, progress, parts)
             if until is not None:
-                widest = _widest(comparison, by)
-                worlds = _enough_worlds(len(seeds), widest, until)
+                widths = _widths(comparison, by)
+                worlds = _enough_worlds(worlds, max(widths.values()), until)
     _check_finite(comparison)
     if until is not None:
-        _check_width(len(seeds), widest, until)
-    _warn(comparison, [name for name, source in given.items() if source is not None or name in AGENTS])
+        _check_widths(worlds, widths, until)
+    _warn(comparison, _learned(given, task))
     return comparison
 
 
-def _play(
-    members: Members,
-    seeds: Sequence[int],
-    records: Mapping[str, Sequence[list[Played]]],
-    jobs: int,
-    progress: bool,
-    parts: Parts | None,
-) -> None:
-    """Play these worlds in chunks, and append what was played to the ``records`` of each member of every policy."""
-    laws, chunks = dict(CHIRP_LAWS.added), range(0, len(seeds), CHUNK)
+def _played_on(
+    earlier: Comparison, members: Members, worlds: int, jobs: int, progress: bool, parts: Parts | None
+) -> Comparison:
+    """The comparison in this many worlds, of which some were played earlier."""
+    seeds = world_seeds(earlier.seed, "test", worlds)
+    further = seeds[len(earlier.seeds) :]
+    laws, chunks = dict(CHIRP_LAWS.added), range(0, len(further), CHUNK)
     work = [
-        Call(_play_warm, (own, name, policy, seeds[start : start + CHUNK], laws))
+        Call(_play_warm, (own, name, policy, further[start : start + CHUNK], laws))
         for name, (own, those) in members.items()
         for policy in those
         for start in chunks
     ]
     with tqdm(total=len(work), desc="comparing", unit="batch", disable=None if progress else True) as bar:
         done = iter(run_all(work, jobs, bar.update, parts))
-    for those in records.values():
-        for own in those:
-            own += [next(done) for _ in chunks]
+    played = {}
+    for name, (_, those) in members.items():
+        before = [[record] for record in earlier.played[name]] or [[] for _ in those]
+        played[name] = [merged([*own, *(next(done) for _ in chunks)]) for own in before]
+    return Comparison(earlier.task, earlier.seed, seeds, played)
 
 
-def _widest(comparison: Comparison, by: str) -> float:
-    """The greatest half width of the intervals against the baseline, in per cent; NaN if one of them is undefined."""
-    intervals = [comparison.against(name, by=by).ci or (math.nan, math.nan) for name in comparison.played]
-    return float(np.max(0.5 * np.diff(intervals)))
+def _widths(comparison: Comparison, by: str) -> dict[str, float]:
+    """The wider side of each policy's interval against the baseline, in per cent.
+
+    Raises:
+        InputError: an interval is undefined.
+    """
+    widths = {}
+    for name in comparison.played:
+        value, ends = comparison.against(name, by=by)
+        if value is None or ends is None:
+            raise InputError("until was given, expected two worlds or more, and costs and errors > 0 in each of them")
+        widths[name] = max(value - ends[0], ends[1] - value)
+    return widths
 
 
 def _enough_worlds(count: int, widest: float, until: float) -> int:
     """The number of worlds after which every interval is likely to be at most ``until`` wide on either side.
 
-    ``widest``: the greatest half width after ``count`` worlds.
+    ``widest``: the wider side of the widest interval after ``count`` worlds.
     """
     if not widest > until:
         return count
@@ -189,13 +196,23 @@ def _enough_worlds(count: int, widest: float, until: float) -> int:
     return max(count, min(CHUNK * math.ceil(wanted / CHUNK), MOST_WORLDS))
 
 
-def _check_width(count: int, widest: float, until: float) -> None:
-    """Raise an InputError for intervals that are undefined; warn of those that are still too wide."""
-    if math.isnan(widest):
-        raise InputError(f"until is {until:g}, expected two worlds or more, and costs and errors > 0 in each of them")
-    if widest > until:
-        text = f"intervals are up to {widest:.3g} % wide on either side after {count} worlds, expected {until:g} %"
-        warnings.warn(text, InputWarning, stacklevel=3)
+def _check_widths(count: int, widths: Mapping[str, float], until: float) -> None:
+    """Warn of the widest interval where it is still too wide."""
+    widest = max(widths, key=widths.__getitem__)
+    if widths[widest] > until:
+        text = f"the interval of {widest!r} is {widths[widest]:.3g} % wide on one side after {count} worlds"
+        warnings.warn(f"{text}, expected {until:g} %", InputWarning, stacklevel=3)
+
+
+def _learned(given: Mapping[str, Given | None], task: Task) -> list[str]:
+    """The policies that are neither schedulers nor baselines of the system, by their names."""
+    known = shortcuts.baselines(task.system)
+    sources = {name: name if source is None else source for name, source in given.items()}
+    return [
+        name
+        for name, source in sources.items()
+        if not (isinstance(source, str) and (source in known or is_scheduler(source)))
+    ]
 
 
 def by_name(policies: Any) -> Mapping[str, Given | None]:

@@ -18,6 +18,7 @@ from wavegym.core.system import System, build_system
 from wavegym.core.worlds import word
 from wavegym.envs.scenario import scenario_differences
 from wavegym.envs.vector import WaveformVectorEnv
+from wavegym.observations.observer import Observer
 from wavegym.registration import SETTINGS, SHELL, full_id, registered_system
 from wavegym.schedulers.rollout import allowed, step_lengths
 
@@ -32,6 +33,8 @@ class Task:
         max_episode_steps: truncation before the system's own end, or None.
         parameters: of the system, those that differ from those registered.
         observation: what policies observe, "belief" or "measurements"; schedulers read the belief itself.
+        forecasts, candidates: what functions see and what they choose from, as in ``gym.make``; so do objects with
+            ``predict`` that do not tell their spaces.
     """
 
     env_id: str
@@ -39,6 +42,8 @@ class Task:
     max_episode_steps: int | None
     parameters: Mapping[str, Any]
     observation: str = "belief"
+    forecasts: bool = False
+    candidates: int | None = None
 
 
 def make_task(env_id: str, parameters: Mapping[str, Any]) -> Task:
@@ -59,8 +64,17 @@ def make_task(env_id: str, parameters: Mapping[str, Any]) -> Task:
     given = {name: value for name, value in {**of_file, **parameters}.items() if name != "scenario"}
     own = {name: value for name, value in registered.items() if name not in SHELL}  # the cost itself is reported
     complete = {**own, **given}
-    observation = complete.pop("observation", registered.get("observation", "belief"))
-    return Task(env_id, build_system(system, complete, SETTINGS), limit, given, observation)
+    shown = {
+        name: complete.pop(name, registered.get(name, default))
+        for name, default in (("observation", "belief"), ("forecasts", False), ("candidates", None))
+    }
+    task = Task(env_id, build_system(system, complete, SETTINGS), limit, given, **shown)
+    if task.forecasts or task.candidates is not None:
+        if task.observation != "belief":
+            wanted = "'belief' (nearest): forecasts and candidates show it"
+            raise InputError(f"observation is {task.observation!r}, expected {wanted}")
+        Observer(task.system, task.forecasts, task.candidates)  # report a mistake before policies play
+    return task
 
 
 class Played(NamedTuple):
