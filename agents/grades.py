@@ -29,7 +29,8 @@ from wavegym.policies.runs import RUN
 from wavegym.registration import SYSTEMS, full_id, stem
 from wavegym.schedulers.tuned_constants import BASE, PLANNER, SIMPLE, recorded
 
-STAGES = {"ppo-scratch": "rewards alone", "ppo-imitation": "teacher alone", "ppo": "both"}
+ALONE = "ppo-imitation"
+STAGES = {"ppo-scratch": "rewards alone", ALONE: "teacher alone", "ppo": "both"}
 GRADED = {stem(env_id): next(iter(record.grades.items())) for env_id, record in SYSTEMS.items() if record.grades}
 FOLDER, PAGE = ROOT / "results" / "grades", ROOT / "docs" / "grades.md"
 PICTURE = ROOT / "docs" / "images" / "grades.png"
@@ -53,10 +54,11 @@ def train(name: str, stages: Sequence[str], jobs: int) -> None:
     """Train the agents that are missing; those of other than the default difficulty with one seed."""
     parameter, values = GRADED[name]
     known = load_experiments()[name]
+    scaled = "reward=scaled"  # a reward relative to a heuristic needs its constants, which are of the default
     own = {
         folder_of(name, label, value).name: dataclasses.replace(
             known.agents[label],
-            settings=(*known.agents[label].settings, *(() if label == "ppo-imitation" else (f"steps={STEPS}",))),
+            settings=(*known.agents[label].settings, scaled, *(() if label == ALONE else (f"steps={STEPS}",))),
             parameters=(f"{parameter}={value:g}",),
             seeds=(0,),
         )

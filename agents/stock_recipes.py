@@ -27,7 +27,7 @@ PPO = """from stable_baselines3 import PPO
 from wavegym.envs.sb3 import SB3VecEnv
 
 envs = SB3VecEnv("{env_id}", num_envs=8{settings})
-model = PPO("MlpPolicy", envs, seed={seed})
+model = PPO("MlpPolicy", envs, seed=0)
 model.learn({steps})
 """
 SCORER = """from stable_baselines3 import PPO
@@ -44,7 +44,7 @@ model = PPO(
     gamma=0.97,
     gae_lambda=0.95,
     learning_rate=lambda left: 1e-3 * left,
-    seed={seed},
+    seed=0,
 )
 model.learn({steps})
 """
@@ -57,24 +57,29 @@ RECIPES = {
     "and the scorer": (SCORER, LISTED, 1_000_000),
     "DQN, all defaults, on the same environment": (DQN, LISTED, 300_000),
 }
-SHOWN = [recipe for recipe, (_, settings, _) in RECIPES.items() if settings == LISTED]  # on the environments' pages
+HEADINGS = {  # on the environments' pages
+    "and `candidates=64`": "PPO, all defaults",
+    "and the scorer": "PPO with the scorer",
+    "DQN, all defaults, on the same environment": "DQN, all defaults",
+}
+HEADS = ("cost against `myopic` %", "95 %", "against `best-simple` %", "95 %")
 OPPONENTS = ("myopic", "best-simple")
 WORLDS, SEED = 100, 1  # the seed of the worlds
 FOLDER, PAGE = ROOT / "results" / "stock_recipes", ROOT / "docs" / "how_to" / "train_with_sb3.md"
 START, END = "<!-- made by `python -m agents.stock_recipes`: -->", "<!-- stock recipes to here -->"
 
 
-def code(recipe: str, env_id: str, seed: int = 0) -> str:
+def code(recipe: str, env_id: str) -> str:
     """The lines of a recipe."""
     template, settings, steps = RECIPES[recipe]
-    return template.format(env_id=env_id, settings=settings, seed=seed, steps=f"{steps:_}")
+    return template.format(env_id=env_id, settings=settings, steps=f"{steps:_}")
 
 
-def learned(recipe: str, env_id: str, seed: int) -> dict[str, Any]:
+def learned(recipe: str, env_id: str) -> dict[str, Any]:
     """Cost of the trained policy against each opponent, in per cent, and the CPU time, as plain types."""
     namespace: dict[str, Any] = {}
     began = process_time()
-    exec(compile(code(recipe, env_id, seed), recipe, "exec"), namespace)
+    exec(compile(code(recipe, env_id), recipe, "exec"), namespace)
     took = process_time() - began
     policies = {"mine": namespace["model"], "best-simple": None}
     found = compare(env_id, policies, worlds=WORLDS, seed=SEED, jobs=1, progress=False)
@@ -84,12 +89,11 @@ def learned(recipe: str, env_id: str, seed: int) -> dict[str, Any]:
 
 def table(results: Mapping[str, Mapping[str, Any]]) -> str:
     """A line for each environment and recipe."""
-    head = ["environment", "recipe", "cost against `myopic` %", "95 %", "against `best-simple` %", "95 %"]
     rows = []
     for name, by_recipe in results.items():
         known = [recipe for recipe in RECIPES if recipe in by_recipe]
         rows += [[name if recipe == known[0] else "", recipe, *_cells(by_recipe[recipe])] for recipe in known]
-    return tabulated(head, rows)
+    return tabulated(["environment", "recipe", *HEADS], rows)
 
 
 def _cells(figures: Mapping[str, Any]) -> list[str]:
@@ -101,20 +105,18 @@ def _cells(figures: Mapping[str, Any]) -> list[str]:
 def section(env_id: str) -> str:
     """The recipes on an environment's page; "" where none was tried."""
     results = blocks.read_results(FOLDER / f"{stem(env_id)}.json")
-    rows = [
-        [recipe.removeprefix("and "), f"{results[recipe]['cpu_seconds'] / 60.0:.0f}", *_cells(results[recipe])]
-        for recipe in SHOWN
-        if "cpu_seconds" in results.get(recipe, {})
-    ]
-    if not rows:
+    timed = [recipe for recipe in HEADINGS if "cpu_seconds" in results.get(recipe, {})]
+    if not timed:
         return ""
-    head = ["recipe", "CPU minutes", "cost against `myopic` %", "95 %", "against `best-simple` %", "95 %"]
-    listings = [f"```python\n{code(recipe, env_id)}```" for recipe in SHOWN if recipe in results]
+    rows = [
+        [HEADINGS[recipe], f"{results[recipe]['cpu_seconds'] / 60.0:.0f}", *_cells(results[recipe])] for recipe in timed
+    ]
+    listings = [f"{HEADINGS[recipe]}:\n\n```python\n{code(recipe, env_id)}```" for recipe in timed]
     about = (
         f"From rewards alone, one training seed, {WORLDS} test worlds. `candidates=64` shows the expected cost of each "
         "choice; the scorer is one network for all choices."
     )
-    return "\n\n".join(["## Train it", about, tabulated(head, rows), *listings])
+    return "\n\n".join(["## Train it", about, tabulated(["recipe", "CPU minutes", *HEADS], rows), *listings])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -122,13 +124,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = Parser(prog="python -m agents.stock_recipes", description="Learners of Stable-Baselines3, by recipes.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of environments (default: {' '.join(NAMES)})")
     parser.add_argument("--recipes", nargs="*", default=[*RECIPES], metavar="RECIPE", help="which (default: all)")
-    parser.add_argument("--seed", type=int, default=0, help="of the training (default: 0)")
     parser.add_argument("--tables", action="store_true", help="only renew the page")
     given = parser.read(arguments)
-    for env_id in () if given.tables else [full_id(f"{name}-v0") for name in given.names or NAMES]:
-        file = FOLDER / f"{stem(env_id)}.json"
+    for name in () if given.tables else given.names or NAMES:
+        env_id, file = full_id(f"{check_choice('environment', name, NAMES)}-v0"), FOLDER / f"{name}.json"
         for recipe in given.recipes:
-            found = learned(check_choice("recipe", recipe, RECIPES), env_id, given.seed)
+            found = learned(check_choice("recipe", recipe, RECIPES), env_id)
             blocks.add_result(file, recipe, found)
             print(env_id, recipe, *(found[name]["percent"] for name in OPPONENTS), flush=True)
     results = {name: found for name in NAMES if (found := blocks.read_results(FOLDER / f"{name}.json"))}

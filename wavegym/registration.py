@@ -44,8 +44,8 @@ class Registration(NamedTuple):
 
 
 TIERS = {
-    "benchmark": "the best known policy costs less than the best heuristic, with an interval off zero. Averages count "
-    "these environments only",
+    "benchmark": "the best known policy costs more than 4 % less than the best heuristic, with an interval off zero. "
+    "Averages count these environments only",
     "papers": "replicas of the papers' loops. No policy is known that is much better than the best heuristic",
     "open": "it is not known whether much is left to gain over the best heuristic",
 }
@@ -153,11 +153,12 @@ def register(
 
     Raises:
         InputError: an invalid system, parameter (``gym.make`` checks those of a ``"package.module:Class"``) or tier, or
-            another id gave the class of ``system`` a scene.
+            another id gave the class of ``system`` a scene; grades that are no values of a parameter of the system.
     """
     _check_system(system, {name: value for name, value in parameters.items() if name not in SHELL})
     if tier:
         check_choice("tier", tier, TIERS)
+    _check_grades(system, grades)
     record = Registration(system, scene, parameters, settings, tier, grades)
     for other, known in RECORDS.items():
         if scene and known.scene not in ("", scene) and known.system == system and other != id:
@@ -204,6 +205,21 @@ def _check_system(system: Any, parameters: dict[str, Any]) -> None:
     if not isinstance(system, System) and not (isinstance(system, type) and issubclass(system, System)):
         raise InputError(f"system is {system!r}, expected a System, its class, or 'package.module:Class'")
     build_system(system, parameters, SHELL)
+
+
+def _check_grades(system: Any, grades: Any) -> None:
+    """Raise an InputError unless these are values by name, of parameters if the system's class is known."""
+    wanted = "values of a parameter from easy to hard, such as {'targets': (2, 4, 8)}"
+    if not isinstance(grades, Mapping) or not all(
+        isinstance(values, (tuple, list)) and values for values in grades.values()
+    ):
+        raise InputError(f"grades is {grades!r}, expected {wanted}")
+    if grades and not isinstance(system, str):
+        from wavegym.core.parameters import parameter_infos
+
+        names = [info.name for info in parameter_infos(system if isinstance(system, type) else type(system))]
+        for name in grades:
+            check_choice("a parameter of grades", name, names)
 
 
 def register_suite() -> None:

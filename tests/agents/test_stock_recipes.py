@@ -46,7 +46,7 @@ def test_an_unknown_recipe_is_refused():
 
 
 def test_an_unknown_environment_is_refused():
-    with pytest.raises(InputError, match="did you mean 'wavegym/CameraSlew-v0'"):
+    with pytest.raises(InputError, match="did you mean 'CameraSlew'"):
         stock_recipes.main(["CameraSlw"])
 
 

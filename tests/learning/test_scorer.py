@@ -1,14 +1,18 @@
-"""Pooling over candidates against PyTorch's own mean and maximum, bit for bit."""
+"""The scorer: pooling over candidates against PyTorch's own mean and maximum, bit for bit, and its layouts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 import torch
+from stable_baselines3 import DQN, PPO
 from torch import Tensor
 
-from wavegym.learning.scorer import pooled
+from wavegym.core.errors import InputError
+from wavegym.envs.sb3 import SB3VecEnv
+from wavegym.learning.scorer import Layout, ScorerDQNPolicy, ScorerPolicy, pooled
 
 
 def by_pytorch(hidden: Tensor) -> Tensor:
@@ -41,3 +45,26 @@ def test_a_gradient_at_nan_is_nan() -> None:
     pooled(hidden, None).sum().backward()
     assert hidden.grad is not None
     assert hidden.grad.isnan().all()
+
+
+def test_pooling_works_on_other_devices() -> None:
+    """On the device "meta", whose tensors have no values: like those of a GPU they are no NumPy arrays."""
+    hidden = torch.empty((3, 4, 2), device="meta", requires_grad=True)
+    pooled(hidden, None).sum().backward()
+    assert hidden.grad is not None
+
+
+@pytest.mark.parametrize("settings", [{}, {"action": "box"}, {"observation": "measurements"}])
+def test_environments_without_forecasts_or_an_index_have_no_layout(settings: dict[str, Any]) -> None:
+    envs = SB3VecEnv("wavegym/KershawEvans-v0", 2, **settings)
+    with pytest.raises(InputError, match=r"expected an SB3VecEnv with one index .*nearest: candidates=32"):
+        Layout.of_environments(envs)
+
+
+@pytest.mark.parametrize(("algorithm", "policy"), [(PPO, ScorerPolicy), (DQN, ScorerDQNPolicy)])
+def test_a_scorer_refuses_the_layout_of_another_list(algorithm: Any, policy: Any) -> None:
+    few, more = (SB3VecEnv("wavegym/RfEo-v0", 2, candidates=count) for count in (2, 3))
+    with pytest.raises(InputError, match="was given no layout, expected policy_kwargs="):
+        algorithm(policy, few)
+    with pytest.raises(InputError, match=r"was given the layout of .* elements and 3 choices"):
+        algorithm(policy, few, policy_kwargs={"layout": Layout.of_environments(more)})

@@ -27,14 +27,15 @@ from wavegym.core.traits import TimedPulses, UnequalSteps
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.envs.rewards import scale_of
 from wavegym.observations.scaling import LIMIT
+from wavegym.observations.shortlist import Shortlist
 from wavegym.registration import RECORDS, SETTINGS, TIERS, full_id
 
 SECTIONS = ("Description", "Rewards", "Starting state", "Episode end")  # of a system's docstring
 INFO = {
     "cost": "cost of the belief after the step: see Rewards",
     "saturated": "number of observation fields clipped at their bound",
-    "waveform": "index of the waveform transmitted; `env.unwrapped.system.actions.labels` names it",
 }
+INFO_INDEX = {"waveform": "index of the waveform transmitted; `env.unwrapped.system.actions.labels` names it"}
 INFO_LOSSES = {
     "astray": "of each target present: no track is within {beyond:.4g} m of it and has it in its 99.9 % region",
     "lost": "of each target that had a track: astray in at least the last {steps} steps of its presence",
@@ -43,6 +44,7 @@ INFO_PER_SENSOR = {
     "waveform": "indices of the waveforms transmitted, one for each sensor; `env.unwrapped.system.actions.labels` "
     "names them, and `choices` in `summary.json` of an evaluation holds the share of each label"
 }
+INFO_LISTED = {"sent": "with `candidates`: the action of the rank"}
 INFO_BOX = {
     "parameters": "box actions: their physical values",
     "action_clipped": "box actions: whether the action lay outside [-1, 1] and was clipped",
@@ -74,6 +76,7 @@ def describe(id: str, /, **parameters: Any) -> str:
     given = "".join(f", {name}={value!r}" for name, value in parameters.items())
     assert isinstance(env.system, System)  # type: ignore[attr-defined]
     system: System = env.system  # type: ignore[attr-defined]
+    observer = env.batch.episodes.observer  # type: ignore[attr-defined]
     parts = [
         f"# {id}",
         summary(type(system)),
@@ -82,10 +85,11 @@ def describe(id: str, /, **parameters: Any) -> str:
         f'envs = gym.make_vec("{id}", num_envs=64{given})\n```',
         *(_chapter(heading, section(type(system), heading)) + _scale(heading, system) for heading in SECTIONS),
         "## Actions",
+        _ranks(observer.shortlist),
         *(_actions(form, chosen) for form, chosen in _forms(system).items()),
         _timing(system),
         "## Observations",
-        _observations(env.batch.episodes.observer.observation_fields),  # type: ignore[attr-defined]
+        _observations(observer.observation_fields),
         "## Info",
         _info(env, system),
         "## Parameters",
@@ -122,7 +126,8 @@ def _scale(heading: str, system: System) -> str:
     """The number of ``reward="scaled"``, after the rewards; "" elsewhere, and without a record."""
     with suppress(InputError):
         if heading == "Rewards":
-            return f'\n\n`reward="scaled"` is this over {scale_of(system):g}, the mean cost of `myopic`.'
+            scale = f"{scale_of(system):g}, the mean cost of `myopic` with the default parameters"
+            return f'\n\n`reward="scaled"` is this over {scale}.'
     return ""
 
 
@@ -137,6 +142,16 @@ def _forms(system: System) -> dict[str, System]:
             with suppress(ValueError):  # this system lacks the form; validation errors and InputErrors are ValueErrors
                 forms[form] = dataclasses.replace(system, action=form)  # type: ignore[call-arg]
     return forms
+
+
+def _ranks(shortlist: Shortlist | None) -> str:
+    """What a rank in a short list means; "" without one."""
+    if shortlist is None:
+        return ""
+    return (
+        f"With `candidates={shortlist.count}`: `Discrete({shortlist.count})`, a rank in a list of the actions below. "
+        "Rank 0 is the choice of `myopic`; others follow in the order of their expected cost one step ahead."
+    )
 
 
 def _actions(form: str, system: System) -> str:
@@ -238,11 +253,12 @@ def _info(env: Any, system: System) -> str:
     forms = [form.actions for form in _forms(system).values()]
     boxed, several = (any(isinstance(actions, kind) for actions in forms) for kind in (ParameterBox, PerSensorLibrary))
     relative = {} if isinstance(system, UnequalSteps) else INFO_RELATIVE
-    shapes = {**(INFO_PER_SENSOR if several else {}), **(INFO_BOX if boxed else {})}
+    chosen = {**INFO_INDEX, **(INFO_PER_SENSOR if several else {}), **(INFO_BOX if boxed else {})}
+    chosen = INFO_LISTED if env.batch.episodes.observer.shortlist else chosen
     losses = {}
     if "astray" in info:
         losses = {key: text.format(beyond=system.lost_beyond, steps=LOST_AFTER) for key, text in INFO_LOSSES.items()}
-    known = {**INFO, **losses, **shapes, **relative, **INFO_AT_TIMES}
+    known = {**INFO, **chosen, **losses, **relative, **INFO_AT_TIMES}
     figures = " ".join((type(system).state_info.__doc__ or "").split())
     rows = [(f"`{key}`", _kind(value), known.pop(key, "key figure, see below")) for key, value in info.items()]
     rows += [(f"`{key}`", "", meaning) for key, meaning in known.items()]

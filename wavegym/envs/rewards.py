@@ -93,7 +93,7 @@ def scale_of(system: System) -> float:
     for kind in type(system).__mro__:
         if cost := records().get(record_key(kind), {}).get("costs", {}).get("myopic"):
             return float(cost)
-    wanted = f"'cost' (nearest), or Scaled with a number: {type(system).__name__} has no cost on record"
+    wanted = f"'cost' (nearest), or wavegym.envs.rewards.Scaled(number): {type(system).__name__} has no cost on record"
     raise InputError(f"reward is 'scaled', expected {wanted}")
 
 

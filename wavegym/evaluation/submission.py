@@ -161,8 +161,8 @@ def play_submission(
     kept = earlier.get("environments", {}) if same else {}
     played: dict[str, Any] = {}
     for env_id, entry in submission.policies.items():
-        content = _sha256(entry.file)
-        if kept.get(env_id, {}).get("sha256") != content:
+        content, earlier = _sha256(entry.file), kept.get(env_id, {})
+        if earlier.get("sha256") != content or earlier.get("parameters") != entry.parameters:
             figures = _play(
                 env_id, submission.name, entry, {"worlds": worlds, "seed": seed, "jobs": jobs, "keep": out}, progress
             )

@@ -1,11 +1,11 @@
 """One network that scores every candidate with the same weights.
 
-A candidate has the features h = tanh(A f + B c + e). f are its forecasts (``observations.forecasts``) and the observed
-elements of its targets (shortcut ``target_of_action``), c is a summary of the whole observation, and e is a learned
-offset of the candidate. In each round the candidates exchange information: h + tanh(M h + N m), where m are the means
-and maxima over all h (deep sets: Zaheer et al., 2017). A score is w'h.
+A candidate has the features h = s(A f + B c + e), with the activation s: tanh in PPO, ReLU in DQN. f are its forecasts
+(``observations.forecasts``) and the observed elements of its targets (shortcut ``target_of_action``), c is a summary of
+the whole observation, and e is a learned offset of the candidate. In each round the candidates exchange information:
+h + s(M h + N m), where m are the means and maxima over all h (deep sets: Zaheer et al., 2017). A score is w'h.
 
-If candidates are tracks in slots, all slots are alike: h = tanh(A f + b) with the forecasts alone, and free slots do
+If candidates are tracks in slots, all slots are alike: h = s(A f + b) with the forecasts alone, and free slots do
 not count in m. Such a network plays with any number of slots. An MLP has to learn the same function once for each
 candidate; a scorer learns it once for all.
 """
@@ -67,11 +67,31 @@ class Layout(NamedTuple):
         Raises:
             InputError: without them, or with actions that are no single index.
         """
-        (system, *_), shown, actions = envs.get_attr("system"), envs.observation_space, envs.action_space
-        if not isinstance(actions, spaces.Discrete) or shown.shape[0] == len(system.observation_fields):
-            wanted = "one index and forecasts of each choice (nearest: candidates=32)"
+        if not hasattr(envs, "get_attr") or not hasattr(envs.action_space, "shape"):
+            raise InputError(f"environments are {envs!r}, expected an SB3VecEnv")
+        shown, actions = envs.observation_space, envs.action_space
+        has_forecasts = all(episodes.observer.forecasts for episodes in envs.get_attr("episodes"))
+        if not isinstance(actions, spaces.Discrete) or not has_forecasts:
+            wanted = "an SB3VecEnv with one index and forecasts of each choice (nearest: candidates=32)"
             raise InputError(f"a scorer was given {actions} and {shown.shape[0]} elements, expected {wanted}")
-        return cls.of(shown, actions, system)
+        return cls.of(shown, actions, envs.get_attr("system")[0])
+
+    @classmethod
+    def fitting(cls, layout: Any, observation: spaces.Space[Any], actions: spaces.Space[Any]) -> Layout:
+        """The ``layout`` of a policy's settings.
+
+        Raises:
+            InputError: there is none, or that of other observations or actions.
+        """
+        wanted = "policy_kwargs={'layout': Layout.of_environments(envs)} with its environments"
+        if layout is None:
+            raise InputError(f"a scorer was given no layout, expected {wanted}")
+        found = cls(*layout)
+        elements = found.elements + found.candidates * found.figures
+        if observation.shape != (elements,) or getattr(actions, "n", None) != found.candidates:
+            given = f"the layout of {elements} elements and {found.candidates} choices for {observation} and {actions}"
+            raise InputError(f"a scorer was given {given}, expected {wanted}")
+        return found
 
 
 def pairs(system: System) -> tuple[tuple[int, ...], ...]:
@@ -183,14 +203,19 @@ def pooled(hidden: Tensor, present: Tensor | None) -> Tensor:
     """Means and maxima (env, 2 * width) of features (env, candidate, width) over the candidates that count."""
     if present is None:
         # The gradient of ``hidden.mean`` has a memory layout that makes all that follows slow.
-        return torch.cat([hidden.sum(dim=1) / hidden.shape[1], _Greatest.apply(hidden)], dim=1)
+        return torch.cat([hidden.sum(dim=1) / hidden.shape[1], _greatest(hidden)], dim=1)
     weights = present / present.sum(dim=1, keepdim=True)
     mean = torch.bmm(weights.transpose(1, 2), hidden)[:, 0]
     return torch.cat([mean, (hidden + FAR_BELOW * (1.0 - present)).max(dim=1).values], dim=1)
 
 
+def _greatest(hidden: Tensor) -> Any:
+    """(env, width) from (env, candidate, width)."""
+    return _Greatest.apply(hidden) if hidden.device.type == "cpu" else hidden.amax(dim=1)
+
+
 class _Greatest(torch.autograd.Function):
-    """``hidden.amax(dim=1)`` with a faster gradient of the same bits."""
+    """``hidden.amax(dim=1)`` with a faster gradient of the same bits, on the processor."""
 
     @staticmethod
     def forward(context: Any, hidden: Tensor) -> Tensor:
@@ -236,11 +261,22 @@ class _Scoring:
     Args:
         layout: of the observation, ``policy_kwargs={"layout": Layout.of_environments(envs)}``.
         net_arch: widths of the trunk and of each round after it.
+
+    Raises:
+        InputError: see ``Layout.fitting``.
     """
 
-    def __init__(self, *args: Any, layout: Layout, net_arch: Sequence[int] = (64, 64), **settings: Any) -> None:
-        self.layout = Layout(*layout)
-        super().__init__(*args, net_arch=list(net_arch), **settings)  # type: ignore[call-arg]
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Space[Any],
+        *args: Any,
+        layout: Layout | None = None,
+        net_arch: Sequence[int] = (64, 64),
+        **settings: Any,
+    ) -> None:
+        self.layout = Layout.fitting(layout, observation_space, action_space)
+        super().__init__(observation_space, action_space, *args, net_arch=list(net_arch), **settings)  # type: ignore[call-arg]
 
     def _build_mlp_extractor(self) -> None:
         own: Any = self
@@ -294,9 +330,16 @@ class ScorerQNetwork(QNetwork):
 class ScorerDQNPolicy(DQNPolicy):
     """For DQN."""
 
-    def __init__(self, *args: Any, layout: Layout, **settings: Any) -> None:
-        self.layout = Layout(*layout)
-        super().__init__(*args, **settings)
+    def __init__(
+        self,
+        observation_space: spaces.Space[Any],
+        action_space: spaces.Discrete,
+        *args: Any,
+        layout: Layout | None = None,
+        **settings: Any,
+    ) -> None:
+        self.layout = Layout.fitting(layout, observation_space, action_space)
+        super().__init__(observation_space, action_space, *args, **settings)
 
     def make_q_net(self) -> QNetwork:
         """A Q network; Stable-Baselines3 makes two, the online and the target network."""

@@ -3,6 +3,7 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 from small_studies import RF_EO_RUNS, RF_EO_SEED, RF_EO_STEPS, URBAN_RUNS, URBAN_SEED
 
@@ -28,7 +29,7 @@ def without_clocks(study: Any) -> dict[str, Any]:
 def quick(monkeypatch):
     """Pictures of few pixels, and intervals without width: resampling thousands of them would take a minute."""
     monkeypatch.setattr(contents, "DPI", 30)
-    monkeypatch.setattr(statistics, "_interval", lambda statistic, *given: (float(statistic(*given[:2])),) * 2)
+    monkeypatch.setattr(statistics, "_over_worlds", lambda statistic, worlds, *given: np.full(2, statistic(worlds)))
 
 
 @pytest.fixture
