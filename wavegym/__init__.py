@@ -50,20 +50,23 @@ def describe(id: str, /, **parameters: Any) -> str:
 
 
 def load_agent(id: str, /, algo: str, **parameters: Any) -> Policy:
-    """The trained agent that comes with the environment ``id``, as a policy in plain NumPy.
+    """A trained agent, one that comes with the environment ``id`` or one's own, as a policy in plain NumPy.
 
     Args:
         id: the environment, with or without ``wavegym/``.
-        algo: "ppo" or "dqn".
+        algo: "ppo" or "dqn", or the folder of a training run.
         **parameters: parameters of the environment, such as ``action="joint"``.
 
     Raises:
         InputError: no such agent, or one that does not fit the environment.
     """
+    from wavegym.evaluation.adapters import as_policy, is_folder
     from wavegym.evaluation.play import make_task
     from wavegym.policies.runs import load_pretrained
 
     task = make_task(id, parameters)
+    if is_folder(algo):
+        return as_policy(algo, task)
     return load_pretrained(task.env_id, algo, task.system)
 
 

@@ -57,8 +57,9 @@ def test_a_parameter_that_would_change_nothing_is_refused(name: str, way: str) -
     for env in (single.unwrapped, copy.deepcopy(single.unwrapped), pickle.loads(pickle.dumps(made()))):
         with pytest.raises(InputError, match=wanted):
             setattr(env, name, 1.0)
-    with pytest.raises(InputError, match=wanted):
-        made().set_attr(name, 1.0)
+    for values in (1.0, (1.0, 2.0)):
+        with pytest.raises(InputError, match=wanted):
+            made().set_attr(name, values)
 
 
 def test_parameters_may_change_between_episodes() -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
+import numpy as np
 import pytest
 
 import wavegym
@@ -48,6 +50,19 @@ def test_an_agent_plays_a_vector_environment() -> None:
     envs = gym.make_vec("wavegym/SectorSetup-v0", num_envs=3, forecasts=True)
     observations, _ = envs.reset(seed=0)
     assert envs.action_space.contains(agent.act(None, observations, None))
+
+
+def test_the_folder_of_a_run_is_an_agent_too_and_one_of_ranks_plays_without_a_list() -> None:
+    folder = pretrained_folder("wavegym/RfEoFar-v0", "ppo")
+    envs: Any = gym.make_vec("wavegym/RfEoFar-v0", num_envs=3)
+    observations, _ = envs.reset(seed=0)
+    actions = []
+    for given in ("ppo", str(folder)):
+        agent = wavegym.load_agent("RfEoFar-v0", given)
+        agent.begin(envs.unwrapped.system, 3, np.random.default_rng(0))
+        actions.append(agent.act(envs.unwrapped.belief, observations, None))
+    assert envs.action_space.contains(actions[0].astype(np.float32))
+    np.testing.assert_array_equal(*actions)
 
 
 @pytest.mark.parametrize("parameters", [{}, {"slots": 20}, {"targets": 12.0}, {"density": (10.0, 6000.0)}], ids=str)

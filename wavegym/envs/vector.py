@@ -244,7 +244,7 @@ class WaveformVectorEnv(FixedParameters, VectorEnv):
         Raises:
             InputError: a list or tuple of values that differ.
         """
-        listed = values if isinstance(values, (list, tuple)) else [values]
+        listed = values if isinstance(values, (list, tuple)) and name not in self._fixed else [values]
         if any(value != listed[0] for value in listed):
             raise InputError(f"{name} is {values!r}, expected one value for all environments: they share one batch")
         setattr(self, name, listed[0])
