@@ -48,19 +48,39 @@ model = PPO(
 )
 model.learn({steps})
 """
-DQN = PPO.replace("PPO", "DQN")
+DQN = """from stable_baselines3 import DQN
+from wavegym.envs.sb3 import SB3VecEnv
+from wavegym.learning.scorer import Layout, ScorerDQNPolicy
+
+envs = SB3VecEnv("{env_id}", num_envs=8{settings})
+model = DQN(
+    ScorerDQNPolicy,
+    envs,
+    policy_kwargs={{"layout": Layout.of_environments(envs)}},
+    train_freq=1,
+    batch_size=128,
+    buffer_size=300_000,
+    gamma=0.95,
+    learning_rate=1e-3,
+    target_update_interval=1000,
+    exploration_fraction=0.3,
+    exploration_final_eps=0.02,
+    seed=0,
+)
+model.learn({steps})
+"""
 LISTED = ', reward="scaled", candidates=64'
 RECIPES = {
     "PPO, all defaults": (PPO, "", 300_000),
     'and `reward="scaled"`': (PPO, ', reward="scaled"', 300_000),
     "and `candidates=64`": (PPO, LISTED, 300_000),
     "and the scorer": (SCORER, LISTED, 1_000_000),
-    "DQN, all defaults, on the same environment": (DQN, LISTED, 300_000),
+    "DQN and the scorer, on the same environment": (DQN, LISTED, 300_000),
 }
 HEADINGS = {  # on the environments' pages
     "and `candidates=64`": "PPO, all defaults",
     "and the scorer": "PPO with the scorer",
-    "DQN, all defaults, on the same environment": "DQN, all defaults",
+    "DQN and the scorer, on the same environment": "DQN with the scorer",
 }
 HEADS = ("cost against `myopic` %", "95 %", "against `best-simple` %", "95 %")
 OPPONENTS = ("myopic", "best-simple")

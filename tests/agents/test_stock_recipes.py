@@ -31,8 +31,8 @@ def test_each_recipe_is_trained_and_compared(tmp_path, monkeypatch):
     lines = stock_recipes.PAGE.read_text().splitlines()
     assert [line.split("|")[2].strip() for line in lines[4:9]] == list(stock_recipes.RECIPES)
     section = stock_recipes.section("wavegym/SectorSetup-v0")
-    assert section.count("```python") == len(stock_recipes.SHOWN) == 3
-    assert all(stock_recipes.code(recipe, "wavegym/SectorSetup-v0") in section for recipe in stock_recipes.SHOWN)
+    assert section.count("```python") == len(stock_recipes.HEADINGS) == 3
+    assert all(stock_recipes.code(recipe, "wavegym/SectorSetup-v0") in section for recipe in stock_recipes.HEADINGS)
 
 
 def test_an_environment_without_results_has_no_section(tmp_path, monkeypatch):
