@@ -98,8 +98,8 @@ def _policy(comparison: Comparison, name: str, by_policy: dict[str, EpisodeResul
     rng = np.random.default_rng([comparison.seed, word("bootstrap")])
     results, baseline = by_policy[name], by_policy[BASELINE]
     cost, rmse = results.cost, results.rmse
+    against = statistics.difference(cost, baseline.cost, rng)  # first, as in ``Comparison.against``
     mean = statistics.mean(cost, rng)
-    against = statistics.difference(cost, baseline.cost, rng)
     floor = finite(np.mean(by_policy[FLOOR].cost)) if FLOOR in by_policy else None
     rmse_mean = statistics.mean(rmse, rng)
     return {
