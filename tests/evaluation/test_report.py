@@ -219,3 +219,9 @@ def test_an_older_file_lacks_what_was_not_recorded(tmp_path: Path) -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.csv is missing, expected it from `make headroom`"):
         read_results(tmp_path / "none.csv")
+
+
+def test_a_difference_has_the_same_interval_in_the_summary_and_in_the_comparison():
+    comparison = compare("KershawEvans-v0", ["random"], worlds=8, jobs=1, progress=False, horizon=4)
+    told = summarise(comparison)["policies"]["random"]["vs_myopic"]
+    assert (told["geometric_percent"], tuple(told["geometric_ci"])) == comparison.against("random")
