@@ -22,7 +22,10 @@ from wavegym.evaluation.summary import named
 from wavegym.evaluation.table import interval, signed, tabulated
 from wavegym.registration import full_id, stem
 
-NAMES = ("CameraSlew", "SectorSetup", "EnergyBudgetKnown", "BeamAllocation", "AgileClutter", "KershawEvansPosition")
+NAMES = (
+    "CameraSlew", "SectorSetup", "EnergyBudgetKnown", "SharedSpectrum", "BeamAllocation", "AgileClutter",
+    "KershawEvansPosition",
+)  # fmt: skip
 PPO = """from stable_baselines3 import PPO
 from wavegym.envs.sb3 import SB3VecEnv
 
