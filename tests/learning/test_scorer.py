@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import torch
 from stable_baselines3 import DQN, PPO
+from stable_baselines3.common.env_util import make_vec_env
 from torch import Tensor
 
 from wavegym.core.errors import InputError
@@ -59,6 +60,11 @@ def test_environments_without_forecasts_or_an_index_have_no_layout(settings: dic
     envs = SB3VecEnv("wavegym/KershawEvans-v0", 2, **settings)
     with pytest.raises(InputError, match=r"expected an SB3VecEnv with one index .*nearest: candidates=32"):
         Layout.of_environments(envs)
+
+
+def test_single_environments_side_by_side_have_the_layout_of_a_batch() -> None:
+    single = make_vec_env("wavegym/RfEo-v0", n_envs=2, env_kwargs={"candidates": 3})
+    assert Layout.of_environments(single) == Layout.of_environments(SB3VecEnv("wavegym/RfEo-v0", 2, candidates=3))
 
 
 @pytest.mark.parametrize(("algorithm", "policy"), [(PPO, ScorerPolicy), (DQN, ScorerDQNPolicy)])

@@ -23,7 +23,7 @@ from wavegym.evaluation.play import play
 from wavegym.observations.forecasts import PRESENT
 from wavegym.policies.networks import LearnedPolicy, Network
 from wavegym.policies.onnx_files import OnnxPolicy, export_onnx, to_onnx
-from wavegym.policies.runs import ALIKE, PRETRAINED, RUN, load_policy, read_network, read_run
+from wavegym.policies.runs import ALIKE, PRETRAINED, RUN, load_policy, read_network, read_run, shown_in
 from wavegym.schedulers import RandomChoice
 
 ROUNDING = 64 * np.finfo(np.float32).eps  # relative to the largest score: sums of float32 in another order
@@ -34,15 +34,15 @@ ALL = sorted(str(file.parent.relative_to(PRETRAINED)) for file in PRETRAINED.glo
 
 def observations(run: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     """What the network of a run sees, with its masks, in episodes with random allowed actions of its environment."""
-    settings, rng = run["settings"], np.random.default_rng(0)
-    shell = {"forecasts": bool(settings.get("forecasts", False)), "candidates": settings.get("candidates") or None}
-    envs = gym.make_vec(run["env"], num_envs=ENVS, **shell, **settings["environment"])
+    (forecasts, candidates), rng = shown_in(run), np.random.default_rng(0)
+    shell = {"forecasts": forecasts, "candidates": candidates}
+    envs = gym.make_vec(run["env"], num_envs=ENVS, **shell, **run["settings"]["environment"])
     choice, system = RandomChoice(), envs.unwrapped.system
     choice.begin(system, ENVS, rng)
     shown, masks = [envs.reset(seed=0)[0]], [envs.unwrapped.action_masks()]
     for _ in range(STEPS - 1):
-        if shell["candidates"]:  # ranks, all of which are allowed in these environments
-            actions = rng.integers(shell["candidates"], size=ENVS)
+        if candidates:  # ranks, all of which are allowed in these environments
+            actions = rng.integers(candidates, size=ENVS)
         else:
             actions = choice.act(envs.unwrapped.belief, shown[-1], masks[-1])
         shown.append(envs.step(actions)[0])

@@ -67,14 +67,12 @@ class Layout(NamedTuple):
         Raises:
             InputError: without them, or with actions that are no single index.
         """
-        if not hasattr(envs, "get_attr") or not hasattr(envs.action_space, "shape"):
-            raise InputError(f"environments are {envs!r}, expected an SB3VecEnv")
-        shown, actions = envs.observation_space, envs.action_space
-        has_forecasts = all(episodes.observer.forecasts for episodes in envs.get_attr("episodes"))
-        if not isinstance(actions, spaces.Discrete) or not has_forecasts:
+        (system, *_), shown, actions = envs.get_attr("system"), envs.observation_space, envs.action_space
+        forecasts = shown.shape[0] - len(system.observation_fields)
+        if not isinstance(actions, spaces.Discrete) or forecasts <= 0 or forecasts % actions.n:
             wanted = "an SB3VecEnv with one index and forecasts of each choice (nearest: candidates=32)"
             raise InputError(f"a scorer was given {actions} and {shown.shape[0]} elements, expected {wanted}")
-        return cls.of(shown, actions, envs.get_attr("system")[0])
+        return cls.of(shown, actions, system)
 
     @classmethod
     def fitting(cls, layout: Any, observation: spaces.Space[Any], actions: spaces.Space[Any]) -> Layout:

@@ -67,7 +67,7 @@ class MeasurementObserver:
         InputError: a system without ``measured_fields``.
     """
 
-    forecasts = shortlist = None  # see ``Observer``
+    shortlist = None  # see ``Observer``
 
     def __init__(self, system: Any) -> None:
         if reason := measured_fields.why_not(system):
