@@ -38,7 +38,8 @@ class Agent:
     Attributes:
         algo: "ppo" or "dqn".
         settings: training settings that replace those of wavegym/learning/settings.toml, ``["gamma=0"]``.
-        parameters: of the environment, in training, ``["q=1"]``.
+        parameters: of the environment, in training, ``["q=1"]``. The agent is in tables with the same parameters only,
+            because it may have other actions.
         seeds: training seeds; if none are given, those of the experiment.
     """
 
@@ -131,8 +132,9 @@ def run(name: str, experiments: dict[str, Experiment], jobs: int) -> str:
     train_missing(name, experiment, jobs)
     policies: dict[str, Any] = dict.fromkeys(experiment.policies)
     for source in filter(None, (name, experiment.trained_in)):
-        for agent in experiments[source].agents:
-            policies[agent] = run_folder(source, agent)
+        for label, agent in experiments[source].agents.items():
+            if agent.parameters == experiment.parameters:
+                policies[label] = run_folder(source, label)
     common: dict[str, Any] = {"worlds": experiment.worlds, "jobs": jobs, "keep": FOLDER / name}
     comparison = compare(experiment.env, policies, **common, **experiment.all_parameters())
     table = write_report(comparison, FOLDER / name)

@@ -40,7 +40,7 @@ def folder(tmp_path: Path) -> Path:
     own = tmp_path / "submission"
     own.mkdir()
     export_onnx(PRETRAINED / "KershawEvansPosition" / "ppo", own / "position.onnx")
-    shutil.copytree(PRETRAINED / "AgileClutter" / "ppo", own / "agile")
+    shutil.copytree(PRETRAINED / "AgileClutter" / "dqn", own / "agile")
     (own / "submission.toml").write_text(FILE)
     return own
 
