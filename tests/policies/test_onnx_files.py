@@ -15,6 +15,7 @@ import onnxruntime
 import pytest
 from onnx import TensorProto, helper
 
+from wavegym.core.action_sets import PerSensorLibrary
 from wavegym.core.errors import InputError
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
@@ -40,11 +41,12 @@ def observations(run: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     choice, system = RandomChoice(), envs.unwrapped.system
     choice.begin(system, ENVS, rng)
     shown, masks = [envs.reset(seed=0)[0]], [envs.unwrapped.action_masks()]
+    of_actions = not isinstance(system.actions, PerSensorLibrary)  # else a mask of each sensor's waveforms, all allowed
     for _ in range(STEPS - 1):
         if candidates:  # ranks, all of which are allowed in these environments
             actions = rng.integers(candidates, size=ENVS)
         else:
-            actions = choice.act(envs.unwrapped.belief, shown[-1], masks[-1])
+            actions = choice.act(envs.unwrapped.belief, shown[-1], masks[-1] if of_actions else None)
         shown.append(envs.step(actions)[0])
         masks.append(envs.unwrapped.action_masks())
     own = len(system.observation_fields) if run["actions"]["form"] == ALIKE else 0

@@ -44,7 +44,7 @@ def same(one, other):
 
 @pytest.mark.parametrize("env_id", [ID, FORECASTING, "wavegym/RfEo-v0", "wavegym/AgileClutter-v0"])
 def test_the_base_alone_plays_as_the_agent_does_bit_for_bit(env_id):
-    task = make_task(env_id, {"action": "joint"} if env_id.startswith("wavegym/AgileClutter") else {})
+    task = make_task(env_id, {})
     (learned,) = as_policies(agent(env_id), task, "ppo")
     if env_id == FORECASTING:
         assert learned.forecasts
