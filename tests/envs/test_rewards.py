@@ -308,7 +308,9 @@ def test_the_shaped_cost_has_the_cost_of_rest_as_its_potential():
     alone = envs.belief._replace(undetected=np.zeros_like(envs.belief.undetected))
     waits = np.full(3, len(resting.actions) - 1)
     np.testing.assert_allclose(
-        shortcuts.resting_cost(resting, alone, ShapedCost.SECONDS), resting.predict(alone, waits).spent, rtol=1e-12
+        shortcuts.resting_cost(resting, alone, ShapedCost.SECONDS),
+        resting.cost(resting.predict(alone, waits)),
+        rtol=1e-12,
     )
     with pytest.raises(InputError, match="of KershawEvansPosition, it has no resting_cost"):
         WaveformVectorEnv(KershawEvansPosition, 2, reward="shaped-cost").reset(seed=0)

@@ -180,4 +180,6 @@ def test_cost_is_the_expected_gospa_of_the_best_report(existence, seconds):
     trace = sum(tracks.spread_at(slots.moments[0], MODES, seconds)[::2])
     there = np.random.default_rng(0).random(400_000) < existence
     reported, silent = np.where(there, trace, MOST).mean(), np.where(there, MOST, 0.0).mean()
-    assert dwells.rate_of_cost(seconds, slots, MODES, MOST, AREA) == pytest.approx(min(reported, silent), rel=5e-3)
+    rates = dwells.rates_of_cost(seconds, slots, MODES, MOST, AREA)
+    assert rates[existence == 1.0] == pytest.approx(min(reported, silent), rel=5e-3)
+    assert rates[existence != 1.0] == 0.0

@@ -10,12 +10,13 @@ import pytest
 from scipy.stats import chi2
 
 from wavegym.core import shortcuts, trees
+from wavegym.core.system import State
 from wavegym.core.traits import CONFIRMED, DwellRule
 from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import RandomChoice, rollout
 from wavegym.schedulers.heuristics.grids import SEARCHED_DWELL
 from wavegym.schedulers.heuristics.timeline_rules import GainPerSecond
-from wavegym.systems.multifunction_radar.state import _errors, _follow, _gospa, estimates
+from wavegym.systems.multifunction_radar.state import _errors, _follow, _square_gospa, estimates
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, WAIT
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 from wavegym.trackers import gospa
@@ -80,10 +81,12 @@ def test_a_pair_far_apart_costs_a_target_missed_and_a_false_track():
     near, far = area.nearest, area.farthest
     for target, track in ((near, far), (0.5 * (near + far), near), (far, far)):
         weights = (1.0 + 2.0 * (far - r) / (far - near) for r in (target, track))
-        apart = _gospa(np.array([[0.0, 0.0, target, 0.0]]), np.array([[track, 0.0, 0.0, 0.0]]), 1e4, area)
-        assert apart**2 == pytest.approx(1e4 * sum(weights), rel=1e-9)
-    close = _gospa(np.array([[0.0, 0.0, near, 0.0]]), np.array([[30.0, 0.0, near, 0.0]]), 1e4, area)
-    assert close**2 == pytest.approx(3.0 * 900.0, rel=1e-9)
+        missed, false = (1e4 * weight for weight in weights)
+        for unfound, want in ((True, [missed, 0, false, 0]), (False, [0, missed, false, 0])):
+            pair = np.array([[0.0, 0.0, target, 0.0]]), np.array([unfound]), np.array([[track, 0.0, 0.0, 0.0]])
+            np.testing.assert_allclose(_square_gospa(*pair, 1e4, area), want, rtol=1e-9)
+    close = np.array([[0.0, 0.0, near, 0.0]]), np.array([True]), np.array([[30.0, 0.0, near, 0.0]])
+    np.testing.assert_allclose(_square_gospa(*close, 1e4, area), [0, 0, 0, 3.0 * 900.0], rtol=1e-9)
 
 
 def worlds_of(system, count, root=0):
@@ -130,6 +133,27 @@ def test_the_cost_is_the_integral_over_the_time_of_the_dwell():
         np.testing.assert_allclose(state.belief.time, 0.4, rtol=1e-12)
         spent.append(total)
     np.testing.assert_allclose(spent[0], spent[1], rtol=1e-4)
+
+
+def test_the_parts_of_the_cost_are_those_of_the_belief_without_the_others():
+    """Each part against the cost of a belief that has nothing else, and the parts' sum against the cost."""
+    system = MultifunctionRadar()
+    state = after(system, worlds_of(system, 4), 2.0, by_gain(system))
+    wait, belief = np.full(4, len(system.actions) - 1), state.belief
+    is_confirmed, quiet = belief.existence >= CONFIRMED, np.zeros_like(belief.undetected)
+    alone = (
+        ("cost_undetected", belief._replace(existence=np.zeros_like(belief.existence))),
+        ("cost_tentative", belief._replace(existence=np.where(is_confirmed, 0.0, belief.existence), undetected=quiet)),
+        ("cost_confirmed", belief._replace(existence=np.where(is_confirmed, belief.existence, 0.0), undetected=quiet)),
+    )
+    now = system.predict(belief, wait)
+    info = system.state_info(State(state.truth, now))
+    closed = dataclasses.replace(system, targets=0.0)  # nobody comes meanwhile
+    for name, part in alone:
+        want = (system if name == "cost_undetected" else closed).predict(part, wait)
+        assert info[name].max() > 0.0
+        np.testing.assert_allclose(info[name], system.cost(want), rtol=1e-9)
+    np.testing.assert_allclose(sum(info[name] for name, _ in alone), system.cost(now), rtol=1e-12)
 
 
 def test_an_update_of_a_free_slot_is_a_wait():
@@ -183,8 +207,8 @@ def test_the_gain_of_an_update_is_what_its_futures_save():
             looked = system.predict(belief, np.full((1, 400), action), draws)
             later = system.predict(type(belief)(*(leaf[0] for leaf in looked)), np.full(400, wait))
             idle = belief._replace(time=belief.time + duration)
-            saved = system.predict(idle, np.array([wait])).spent[0] - later.spent.mean()
-            error = 4.0 * later.spent.std() / np.sqrt(400)
+            saved = system.predict(idle, np.array([wait])).spent[0].sum() - later.spent.sum(axis=-1).mean()
+            error = 4.0 * later.spent.sum(axis=-1).std() / np.sqrt(400)
             assert abs(gains[action] * duration - saved) < 0.25 * saved + error, (slot, dwell)
             ratios.append((gains[action] * duration, saved))
     assert np.divide(*np.sum(ratios, axis=0)) == pytest.approx(1.0, abs=0.05)
@@ -217,12 +241,12 @@ def test_simulated_futures_are_those_of_predict_and_the_rule():
     while (going := now.time < end).any():
         after_dwell = system.predict(now, action, rng.random((futures, 2)))
         share = np.minimum((end - now.time) / after_dwell.duration, 1.0)
-        want += np.where(going, share * after_dwell.spent, 0.0)
+        want += np.where(going, share * after_dwell.spent.sum(axis=-1), 0.0)
         now = trees.merged(after_dwell, ~going, now)
         action = np.where(system.mask(now), shortcuts.scores(system, now, rule), -np.inf).argmax(axis=1)
     for ahead, weight in ((rule.ahead, 1.0), (rule.later, rule.far)):
         waiting = dataclasses.replace(system, dt=ahead)
-        want += weight * waiting.predict(trees.repeated(now, 1), waits).spent
+        want += weight * waiting.predict(trees.repeated(now, 1), waits).spent.sum(axis=-1)
     error = want.std() / np.sqrt(futures)
     assert error < 0.02 * want.mean()
     assert abs(got - want.mean()) < 4.0 * np.sqrt(2.0) * error
@@ -243,7 +267,10 @@ def test_gospa_is_that_of_the_reported_tracks():
         seen = places(state, system)[..., [0, 2]][:, :12], made.mean[..., [0, 2]]
         want = gospa(*seen, state.truth.here[:, :12], reported, cutoff=np.sqrt(2 * system.c0))
         assert not state.truth.here[:, 12:].any()
-        np.testing.assert_allclose(state.truth.gospa[due], want.distance[due], rtol=1e-9)
+        unfound, lost, false, error = state.truth.square_gospa[due].T
+        np.testing.assert_allclose(unfound + lost, want.missed[due], rtol=1e-9)
+        np.testing.assert_allclose(false, want.false[due], rtol=1e-9)
+        np.testing.assert_allclose(error, want.localisation[due], rtol=1e-9)
         compared += due.sum()
     assert compared > 20
 
@@ -288,8 +315,8 @@ def test_beliefs_agree_with_the_truth():
             held = (belief.existence > 0) & (truth.origin >= 0) & truth.here[rows, truth.origin] & (apart < 4 * wide)
             believed.append(belief.existence.sum(axis=1))
             actual.append(held.sum(axis=1))
-            rates.append(belief.spent / belief.duration)
-            distances.append(truth.gospa**2)
+            rates.append(belief.spent.sum(axis=-1) / belief.duration)
+            distances.append(truth.square_gospa.sum(axis=1))
             nees.append(truth.nees[truth.present])
     for got, want, room in ((believed, actual, 0.1), (rates, distances, 0.1)):
         gap = np.mean(got, axis=0) - np.mean(want, axis=0)
@@ -332,7 +359,7 @@ def test_a_priority_weighs_the_cost_of_every_target_by_its_range():
         return 1.0 + 4.0 * (40e3 - r) / 35e3
 
     def ratio(belief):
-        return heavy.predict(belief, wait).spent / light.predict(belief, wait).spent
+        return heavy.cost(heavy.predict(belief, wait)) / light.cost(light.predict(belief, wait))
 
     light, heavy = (dataclasses.replace(system, targets=0.0) for system in (plain, weighted))  # nobody comes meanwhile
     empty = state.belief._replace(undetected=np.zeros_like(state.belief.undetected))
@@ -358,4 +385,6 @@ def test_a_priority_weighs_the_cost_of_every_target_by_its_range():
     blind = dataclasses.replace(weighted, known=0.0)
     first = blind.initial(worlds_of(blind, 4)).truth
     r = np.hypot(first.state[..., 0], first.state[..., 2])
-    np.testing.assert_allclose(first.gospa**2, (weight(r) * first.here).sum(axis=1) * blind.c0, rtol=1e-12)
+    np.testing.assert_allclose(
+        first.square_gospa.sum(axis=1), (weight(r) * first.here).sum(axis=1) * blind.c0, rtol=1e-12
+    )

@@ -18,6 +18,7 @@ import numpy as np
 
 from wavegym.core.array_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
+from wavegym.core.traits import CONFIRMED
 from wavegym.sensors.platform_kernels import bearing, wrapped
 from wavegym.systems.multifunction_radar.beam_kernels import (
     REACH,
@@ -243,22 +244,25 @@ def rate_of_slot(k, time, slots, modes, most, area):
 
 
 @kernel
-def rate_of_cost(time, slots, modes, most, area):
-    """The cost per second of all tracks at ``time``."""
-    total = 0.0
+def rates_of_cost(time, slots, modes, most, area):
+    """The cost per second of all tentative and of all confirmed tracks at ``time``."""
+    tentative, confirmed = 0.0, 0.0
     for k in range(len(slots.existence)):
-        if slots.existence[k] > 0.0:
-            total += rate_of_slot(k, time, slots, modes, most, area)
-    return total
+        if slots.existence[k] >= CONFIRMED:
+            confirmed += rate_of_slot(k, time, slots, modes, most, area)
+        elif slots.existence[k] > 0.0:
+            tentative += rate_of_slot(k, time, slots, modes, most, area)
+    return tentative, confirmed
 
 
 @kernel
-def mean_rate(start, seconds, slots, modes, most, area):
-    """The mean cost per second of all tracks over ``seconds`` without a dwell, by Simpson's rule."""
-    first = rate_of_cost(start, slots, modes, most, area)
-    middle = rate_of_cost(start + 0.5 * seconds, slots, modes, most, area)
-    last = rate_of_cost(start + seconds, slots, modes, most, area)
-    return (first + 4.0 * middle + last) / 6.0
+def mean_rates(start, seconds, slots, modes, most, area):
+    """Means of ``rates_of_cost`` over ``seconds`` without a dwell, by Simpson's rule."""
+    first = rates_of_cost(start, slots, modes, most, area)
+    middle = rates_of_cost(start + 0.5 * seconds, slots, modes, most, area)
+    last = rates_of_cost(start + seconds, slots, modes, most, area)
+    tentative = (first[0] + 4.0 * middle[0] + last[0]) / 6.0
+    return tentative, (first[1] + 4.0 * middle[1] + last[1]) / 6.0
 
 
 @kernel

@@ -179,7 +179,7 @@ def simulate_dwell(e, batch, action, keys, updates, end, worth, menu, thresholds
     slots, undetected = slots_of(e, batch), batch.undetected[e]
     dwell = chosen(action, batch.existence[e], menu)
     pass_time(e, batch, dwell, modes, area, most, np.empty_like(undetected))
-    time, value = batch.time[e], batch.spent[e]
+    time, value = batch.time[e], batch.spent[e].sum()
     if dwell.kind == UPDATE:
         own = stream(stream(keys[e], dwell.which), updates[dwell.which])
         updates[dwell.which] += 1

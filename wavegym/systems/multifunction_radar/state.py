@@ -36,7 +36,7 @@ class Truth(NamedTuple):
     astray: Array  # (env, g) int, consecutive samples without a confirmed track that follows; see ``steps_astray``
     confirmed: Array  # (env, g) s, when the target had its first confirmed track; NaN before
     false: Array  # (env,) confirmed tracks of no target
-    gospa: Array  # (env,) m
+    square_gospa: Array  # (env, 4) m^2, by ``PARTS``
     squared_error: Array  # (env, k) m^2
     variance: Array  # (env, k) m^2
     nees: Array  # (env, k)
@@ -57,8 +57,13 @@ class Belief(NamedTuple):
     moments: Array  # (env, k, 10), see ``Slots``
     undetected: Array  # (env, s, b) expected number of targets without a track
     turn: Array  # (env, s) int, the next beam of each sector
-    spent: Array  # (env,) m^2 s, the cost of the last dwell
+    spent: Array  # (env, 3) m^2 s, cost of the last dwell: undetected targets, tentative tracks, confirmed tracks
     duration: Array  # (env,) s, of the last dwell
+
+
+PARTS = ("unfound", "lost", "false", "error")
+"""Of the squared GOSPA distance: targets without a track, which have never had a confirmed one or have lost it; tracks
+without a target; and the squared errors of the other tracks."""
 
 
 class Estimates(NamedTuple):
@@ -100,20 +105,30 @@ def take_figures(
         mean, covariance, existence = made.mean[i], made.covariance[i], part.existence[i]
         trace = covariance[:, 0, 0] + covariance[:, 2, 2]
         reported = (existence > 0.0) & (existence * (2.0 * most - trace) > most)
-        truth.gospa[e] = _gospa(x[truth.here[e]], mean[reported], most, area)
         confirmed = existence >= CONFIRMED
         _errors(truth, e, confirmed, x, mean, covariance)
         _follow(truth, e, belief.time[e], lost_beyond)
+        here = truth.here[e]
+        truth.square_gospa[e] = _square_gospa(x[here], np.isnan(truth.confirmed[e, here]), mean[reported], most, area)
 
 
-def _gospa(x: Array, mean: Array, most: float, area: Area) -> float:
-    """GOSPA distance of order 2 of targets (g, 4) and reported tracks (k, 4), each weighted by its range."""
+def _square_gospa(x: Array, unfound: Array, mean: Array, most: float, area: Area) -> Array:
+    """Squared GOSPA distance of order 2 of targets (g, 4) and reported tracks (k, 4), weighted by range; by ``PARTS``.
+
+    A pair at the cutoff is a target without a track, and a track without a target. unfound (g,) bool: targets that have
+    not had a confirmed track.
+    """
     counts, false = (weight_at(np.hypot(states[:, 0], states[:, 2]), area) for states in (x, mean))
     apart = counts[:, None] * np.square(x[:, None, [0, 2]] - mean[None, :, [0, 2]]).sum(axis=2)
     apart = np.minimum(apart, (counts[:, None] + false) * most)
-    pairs = linear_sum_assignment(apart)
-    alone = np.delete(counts, pairs[0]).sum() + np.delete(false, pairs[1]).sum()
-    return float(np.sqrt(apart[pairs].sum() + most * alone))
+    row, column = linear_sum_assignment(apart)
+    near = apart[row, column] < (counts[row] + false[column]) * most
+    missed, no_target = np.delete(np.arange(len(x)), row[near]), np.delete(false, column[near])
+    error = apart[row[near], column[near]].sum()
+    never = unfound[missed]
+    return np.array([
+        most * counts[missed[never]].sum(), most * counts[missed[~never]].sum(), most * no_target.sum(), error
+    ])  # fmt: skip
 
 
 def _follow(truth: Truth, e: int, time: float, beyond: float) -> None:

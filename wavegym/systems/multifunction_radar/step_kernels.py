@@ -31,7 +31,7 @@ from wavegym.systems.multifunction_radar.dwell_kernels import (
     drift,
     drop_tracks,
     hit,
-    mean_rate,
+    mean_rates,
     middle_of,
     miss,
     search,
@@ -57,6 +57,7 @@ MODES = 2
 MOTION = 0  # number of the stream of manoeuvres within a world's key
 DRAWS = 5  # draws of a target in a cell: the mode's change, and two of noise for each axis
 WAIT, UPDATE, SEARCH = 0, 1, 2
+UNDETECTED, TENTATIVE, CONFIRMED_TRACKS = 0, 1, 2  # parts of the cost of a dwell
 DWELLS = 1  # number of the stream of dwells within a world's key
 
 
@@ -168,11 +169,13 @@ def pass_time(e, batch, dwell, modes, area, most, scratch):
     Every undetected target costs c0 a second.
     """
     slots, undetected, start = slots_of(e, batch), batch.undetected[e], batch.time[e]
-    tracks = mean_rate(start, dwell.duration, slots, modes, most, area)
+    tentative, confirmed = mean_rates(start, dwell.duration, slots, modes, most, area)
     before = weighted_number(undetected, area)
     drift(undetected, dwell.duration, area, scratch)
     unseen = 0.5 * most * (before + weighted_number(undetected, area))
-    batch.spent[e] = dwell.duration * (tracks + unseen)
+    batch.spent[e, UNDETECTED] = dwell.duration * unseen
+    batch.spent[e, TENTATIVE] = dwell.duration * tentative
+    batch.spent[e, CONFIRMED_TRACKS] = dwell.duration * confirmed
     batch.duration[e] = dwell.duration
     batch.time[e] = start + dwell.duration
     batch.step[e] += 1
@@ -183,8 +186,8 @@ def rest(batch, seconds, laws, out):
     """Fill out (e,) with the cost of the coming ``seconds`` if the beam rested and no undetected target moved."""
     modes, _, area, most = laws
     for e in range(len(batch.time)):
-        tracks = mean_rate(batch.time[e], seconds, slots_of(e, batch), modes, most, area)
-        out[e] = seconds * (tracks + most * weighted_number(batch.undetected[e], area))
+        tentative, confirmed = mean_rates(batch.time[e], seconds, slots_of(e, batch), modes, most, area)
+        out[e] = seconds * (tentative + confirmed + most * weighted_number(batch.undetected[e], area))
 
 
 @kernel

@@ -21,7 +21,7 @@ from wavegym.systems.multifunction_radar import step_kernels as kernels
 from wavegym.systems.multifunction_radar.actions import Dwells
 from wavegym.systems.multifunction_radar.beam_kernels import Beam, coverage
 from wavegym.systems.multifunction_radar.dwell_kernels import Area, middle_of, usual_number
-from wavegym.systems.multifunction_radar.state import Belief, Traffic, Truth, World, take_figures
+from wavegym.systems.multifunction_radar.state import PARTS, Belief, Traffic, Truth, World, take_figures
 from wavegym.systems.multifunction_radar.step_kernels import Flight, fly_all
 from wavegym.systems.multifunction_radar.track_kernels import Modes
 from wavegym.waveforms import PulseTiming, check_range_folds
@@ -291,7 +291,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             state=x, mode=mode, here=here, cell=np.zeros(count, np.int64),
             origin=np.full((count, slots), -1), arrival=arrival, astray=np.full(here.shape, NO_TRACK_YET),
             confirmed=np.full(here.shape, np.nan), false=none,
-            gospa=none.copy(), squared_error=np.zeros((count, slots)),
+            square_gospa=np.zeros((count, len(PARTS))), squared_error=np.zeros((count, slots)),
             variance=np.zeros((count, slots)), nees=np.zeros((count, slots)),
             replaced=np.zeros(count, np.bool_), present=np.zeros((count, slots), np.bool_),
         )  # fmt: skip
@@ -314,7 +314,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             mean=np.zeros((count, slots, 2, 4)), covariance=np.zeros((count, slots, 2, 4, 4)),
             probability=np.full((count, slots, 2), 0.5), existence=np.zeros((count, slots)),
             moments=np.zeros((count, slots, 10)), undetected=np.tile(self.usual_numbers, (count, self.sectors, 1)),
-            turn=np.zeros((count, self.sectors), np.int64), spent=np.zeros(count), duration=np.zeros(count),
+            turn=np.zeros((count, self.sectors), np.int64), spent=np.zeros((count, 3)), duration=np.zeros(count),
         )  # fmt: skip
 
     def transition(self, state: State, action: Array, world: World) -> State:
@@ -361,7 +361,8 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
 
     def cost(self, belief: Belief) -> Array:
         """The cost of the last dwell, m^2 s."""
-        return belief.spent
+        cost: Array = belief.spent.sum(axis=-1)
+        return cost
 
     def duration(self, belief: Belief) -> Array:
         """Length of the last dwell, s."""
@@ -442,11 +443,14 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         """Figures by truth, evaluated every ``sample`` seconds and held in between.
 
         For each slot: ``present`` (a confirmed track of a present target), and of these ``position_error`` (m),
-        ``position_variance`` (m^2) and ``nees``. For all: ``gospa`` (m) of the reported tracks; ``lost``, the number of
-        targets lost (after five samples astray in a row, in place of steps); ``false_tracks``, confirmed tracks of no
-        target; ``targets``, the number present; ``confirm_delay`` (s), mean time from arrival to the first confirmed
-        track so far, over targets without a track at the start. For the dwell: ``duration`` (s), and whether it was
-        ``replaced`` by a wait.
+        ``position_variance`` (m^2) and ``nees``. For all: ``gospa`` (m) of the reported tracks, and the parts of its
+        square (m^2): ``gospa_unfound``, targets without a track that have never had a confirmed one, ``gospa_lost``,
+        other targets without a track, ``gospa_false``, tracks without a target, and ``gospa_error``, the squared errors
+        of the others; ``lost``, the number of targets lost (after five samples astray in a row, in place of steps);
+        ``false_tracks``, confirmed tracks of no target; ``targets``, the number present; ``confirm_delay`` (s), mean
+        time from arrival to the first confirmed track so far, over targets without a track at the start. For the dwell:
+        ``duration`` (s); whether it was ``replaced`` by a wait; and its cost (m^2 s) by ``cost_undetected``,
+        ``cost_tentative`` and ``cost_confirmed``.
         """
         truth, belief = state
         known = truth.confirmed > 0.0  # no NaN, and no track from the beginning
@@ -457,7 +461,11 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             "position_variance": truth.variance.copy(),
             "nees": truth.nees.copy(),
             "present": truth.present.copy(),
-            "gospa": truth.gospa.copy(),
+            "gospa": np.sqrt(truth.square_gospa.sum(axis=1)),
+            **{f"gospa_{part}": truth.square_gospa[:, n].copy() for n, part in enumerate(PARTS)},
+            "cost_undetected": belief.spent[:, kernels.UNDETECTED].copy(),
+            "cost_tentative": belief.spent[:, kernels.TENTATIVE].copy(),
+            "cost_confirmed": belief.spent[:, kernels.CONFIRMED_TRACKS].copy(),
             "lost": (truth.astray >= LOST_AFTER).sum(axis=1),
             "false_tracks": truth.false.copy(),
             "targets": truth.here.sum(axis=1),
