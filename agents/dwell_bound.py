@@ -1,11 +1,14 @@
 """A lower bound of the multifunction radar's cost by truth: a convex relaxation, solved to a known gap.
 
-No scheduler and no tracker has a smaller expected squared GOSPA distance, if
+No scheduler with a tracker that is linear in its measurements has a smaller expected squared GOSPA distance, if
 
-- it knows where each target is, when it manoeuvres, and its velocity on arrival, to ``VELOCITY`` on each axis;
-- updates point at the target, and neither updates nor searches cause false alarms;
+- it knows where each target is, when it manoeuvres, its cross section, and its velocity on arrival, to ``VELOCITY`` on
+  each axis;
+- updates point at the target, neither updates nor searches cause false alarms, and every fold of a range-rate is known;
 - it divides its time freely: u_i(t) is the expected share of time on target i, v_s(t) that on sector s. Only the
-  expectation of their sum over all worlds must be at most 1. For each purpose the best dwell counts.
+  expectation of their sum over all worlds must be at most 1. For each purpose and each kind of information the best
+  dwell counts;
+- an acceleration is known where a greater one would have taken the speed out of its limits.
 
 Then the expected information of a track, E[Lambda], is at most the result of the recursion with the expected
 information of the echoes, because predict(Lambda) is concave. The probability d that a target has been found is at most
@@ -27,38 +30,47 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 from scipy.optimize import brentq
+from scipy.special import gammaincc
 from torch import Tensor
 
 from wavegym.core.arrays import Array
+from wavegym.core.system import State
 from wavegym.systems.multifunction_radar import beam_kernels as beams
-from wavegym.systems.multifunction_radar.state import World
-from wavegym.systems.multifunction_radar.step_kernels import fly_all
+from wavegym.systems.multifunction_radar.flight_kernels import fly_all
+from wavegym.systems.multifunction_radar.state import World, estimates, flying
+from wavegym.systems.multifunction_radar.step_kernels import look_of
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
-CELL = 0.25  # s: a cell's information counts from the cell's beginning
 VELOCITY = 30.0  # m/s
 NOWHERE = 1e-10  # m^-2, information about the place of an unseen target
 RATE, STEPS = 0.3, 100  # of the descent
 MOST = 5.0  # bound of a step over RATE
 NODES = 61  # of integrals over a beam
+STRENGTHS = np.geomspace(1e-9, 1e9, 1000)  # S of the tables of rates
+LEAST = 1e-9  # variance of an acceleration that is known
 FEW = 1e-9  # least probability of having been found
 
 
 class Paths(NamedTuple):
-    """Targets of all worlds in one row; k cells, i targets."""
+    """Targets of all worlds in one row; k cells of time, i targets. A cell's information counts from its beginning."""
 
     world: Array  # (i,)
     here: Array  # (k, i) bool
     x: Array  # (k, i, 4)
-    density: Array  # (k, i) least of the cell, m^2/s^3
-    known: Array  # (i,) bool, from the beginning
+    radial: Array  # (k, i) acceleration along the line of sight, m/s^2
+    variance: Array  # (k, i) of the acceleration on each axis, as the tracker knows it, (m/s^2)^2
+    section: Array  # (i,) m^2
+    known: Array  # (i,) bool, by a track at the beginning
+    first: Array  # (i, 4, 4) covariance of this track
 
 
 class Rates(NamedTuple):
     """What a second of time brings, (k, i) each."""
 
-    update: Array  # mean sum of 2 z of detections; divided by a variance at 2 z = 1 it is Fisher information
-    search: Array  # the same, of a search of the target's sector
+    update: Array  # mean sum of 2 z of detections; over a variance at 2 z = 1 it is Fisher information about a place
+    update_rate: Array  # the same over the variance of a range-rate
+    search: Array  # as update, of a search of the target's sector
+    search_rate: Array  # as update_rate, of the same
     find: Array  # minus the log of the probability that such a search does not find the target
     sector: Array  # int
 
@@ -73,52 +85,72 @@ class Bound(NamedTuple):
 
 def paths(system: MultifunctionRadar, worlds: World) -> Paths:
     """The places of the targets of all worlds at the beginning of each cell."""
-    truth = system.initial(worlds).truth
-    x, mode, here, arrival = truth.state, truth.mode, truth.here.copy(), truth.arrival
-    known = here & (worlds.draw[..., 6] < system.known)
-    each, cells = round(CELL / system.cell), round(system.seconds / CELL)
-    seen, states, densities = [], [], []
-    quiet = np.array(system.density)
-    for k in range(cells):
-        seen.append(here.copy())
-        states.append(x.copy())
-        least = quiet[mode]
-        for part in range(each):
-            begin = k * each + part
-            fly_all(worlds.key, arrival, begin, begin + 1, x, mode, here, system.truth_model.flight)
-            least = np.minimum(least, quiet[mode])
-        densities.append(least)
-    ever = np.any(seen, axis=0)
+    state, flight, cell = system.initial(worlds), system.truth_model.flight, system.cell
+    truth = state.truth
+    x, (known, first) = truth.state, _first_tracks(system, state)
+    seen: list[list[Array]] = [[], [], [], []]
+    limits = np.array(flight.acceleration)
+    for k in range(round(system.seconds / cell)):
+        speed, most = np.hypot(x[..., 1], x[..., 3]), limits[truth.mode]
+        is_free = (speed - cell * most > flight.slowest) & (speed + cell * most < flight.fastest)
+        r = np.hypot(x[..., 0], x[..., 2])
+        radial = (x[..., [0, 2]] * truth.acceleration).sum(axis=-1) / r
+        for values, value in zip(seen, (truth.here, x, radial, 0.25 * most**2 * is_free), strict=True):
+            values.append(value.copy())
+        fly_all(worlds.key, truth.arrival, k, k + 1, flying(truth), flight)
+    ever = np.any(seen[0], axis=0)
     number = np.broadcast_to(np.arange(len(x))[:, None], ever.shape)
-    kept = [np.stack(values)[:, ever] for values in (seen, states, densities)]
-    return Paths(number[ever], kept[0], kept[1], kept[2], known[ever])
+    here, states, radials, variances = (np.stack(values)[:, ever] for values in seen)
+    section = np.array(system.truth_model.sections)[truth.section[ever]]
+    return Paths(number[ever], here, states, radials, variances, section, known[ever], first[ever])
+
+
+def _first_tracks(system: MultifunctionRadar, state: State) -> tuple[Array, Array]:
+    """Which targets have a track, (env, g), and the tracks' covariances, (env, g, 4, 4)."""
+    truth, belief = state
+    known, first = np.zeros(truth.here.shape, np.bool_), np.zeros((*truth.here.shape, 4, 4))
+    made = estimates(belief, system.modes)
+    for e, k in zip(*np.nonzero((belief.existence > 0.0) & (truth.origin >= 0)), strict=True):
+        known[e, truth.origin[e, k]] = True
+        first[e, truth.origin[e, k]] = made.covariance[e, k]
+    return known, first
 
 
 def rates(system: MultifunctionRadar, found: Paths) -> Rates:
     """The best rates of any dwell, at the least range of each cell."""
     r = np.hypot(found.x[..., 0], found.x[..., 2])
+    sine, azimuth = found.x[..., 0] / r, np.arctan2(found.x[..., 0], found.x[..., 2])
     nearest = np.minimum(r, np.append(r[1:], r[-1:], axis=0))
-    grid = np.geomspace(nearest.min(), nearest.max(), 400)
-    off = np.linspace(-beams.REACH, beams.REACH, NODES)  # beam widths
-    seconds = np.array(system.dwell_seconds)[:, None]
-    in_update, in_search = system.thresholds
-    on_axis = beams.energy(grid, 0.0, seconds, system.beam)  # (dwell, range)
-    across = beams.energy(grid[:, None], off * system.beam.width, seconds[..., None], system.beam)
-    duration = seconds + system.overhead
-    update = _power(on_axis, in_update) / duration
-    search = np.trapezoid(_power(across, in_search), off) / (duration * system.area.beams)
-    find = np.trapezoid(-np.log1p(-beams.detection(across, in_search)), off) / (duration * system.area.beams)
-    at = [np.interp(nearest, grid, rate.max(axis=0)) for rate in (update, search, find)]
-    azimuth = np.arctan2(found.x[..., 0], found.x[..., 2])
-    half = system.traffic.half_sector
+    half, beam, menu = system.traffic.half_sector, system.beam, system.menu
     sector = np.clip((azimuth + half) / (2.0 * half) * system.sectors, 0, system.sectors - 1).astype(np.int64)
-    return Rates(at[0], at[1], at[2], sector)
+    across = np.diff(system.area.edges)[sector] / beam.width
+    best = [np.zeros_like(r) for _ in range(5)]
+    for a in range(system.dwells.each):
+        for purpose, action in enumerate((a, int(system.dwells.search(np.array(0), np.array(a))))):
+            look, duration = look_of(action, menu), menu.duration[action]
+            S = look.gain * (beam.reference / nearest) ** 4 * found.section * (1.0 - sine**2) ** 1.5
+            S = np.clip(S * beams.coherent_share(look.stretch * found.radial), *STRENGTHS[[0, -1]])
+            power, find = _tables(look, wide=purpose == 1)
+            each = duration * (across if purpose else 1.0)
+            rate = np.exp(np.interp(np.log(S), np.log(STRENGTHS), np.log(power))) / each
+            best[2 * purpose] = np.maximum(best[2 * purpose], rate)
+            best[2 * purpose + 1] = np.maximum(best[2 * purpose + 1], rate / look.rate_error**2)
+            if purpose:
+                best[4] = np.maximum(best[4], np.interp(np.log(S), np.log(STRENGTHS), find) / each)
+    return Rates(*[*best, sector])
 
 
-def _power(S: Array, threshold: float) -> Array:
-    """Mean of 2 z if z exceeds the threshold, counted as 0 otherwise."""
-    result: Array = 2.0 * (threshold + 1.0 + S) * beams.detection(S, threshold)
-    return result
+def _tables(look: beams.Look, wide: bool) -> tuple[Array, Array]:
+    """Mean of 2 z with 0 for a miss, and minus the log of the probability of a miss, by ``STRENGTHS`` on the axis.
+
+    With ``wide`` integrals over the offset in beam widths.
+    """
+    off = np.linspace(-beams.REACH, beams.REACH, NODES) if wide else np.zeros(1)
+    S = STRENGTHS[:, None] * np.exp(-beams.TWO_WAY * off * off)
+    x = look.threshold / (1.0 + S)
+    power = 2.0 * look.bursts * (1.0 + S) * gammaincc(look.bursts + 1, x)
+    find = -np.log1p(-np.minimum(gammaincc(look.bursts, x), 1.0 - 1e-15))
+    return (np.trapezoid(power, off), np.trapezoid(find, off)) if wide else (power[:, 0], find[:, 0])
 
 
 def capped(trace: Tensor) -> Tensor:
@@ -168,20 +200,31 @@ class Relaxation:
         r2 = x[..., 0] ** 2 + x[..., 2] ** 2
         along = np.stack([x[..., 0], x[..., 2]], axis=-1) / np.sqrt(r2)[..., None]
         across = np.stack([x[..., 2], -x[..., 0]], axis=-1) / r2[..., None]
-        beam = system.beam
+        beam, T = system.beam, system.cell
+        cosine, v = x[..., 2] / np.sqrt(r2), x[..., 1::2]
         place = np.einsum("kia,kib->kiab", along, along) / beam.range_error**2
-        place += np.einsum("kia,kib->kiab", across, across) / beam.angle_error**2
+        across *= (cosine * beams.SLOPE / beam.width)[..., None]  # the sine's gradient over its error
+        place += np.einsum("kia,kib->kiab", across, across)
         H = np.zeros((*r2.shape, 4, 4))
         H[..., ::2, ::2] = place
-        self.information = as_tensor(H)
-        self.inverse_noise = as_tensor(_inverse_noise(self.paths.density))
+        self.place = as_tensor(H)
+        gradient = np.empty_like(x)
+        gradient[..., 1::2] = along
+        gradient[..., ::2] = (v - (v * along).sum(axis=-1, keepdims=True) * along) / np.sqrt(r2)[..., None]
+        self.motion = as_tensor(np.einsum("kia,kib->kiab", gradient, gradient))
+        self.precision = as_tensor(1.0 / np.maximum(self.paths.variance, LEAST))
+        self.noise = as_tensor(np.kron(np.eye(2), [[0.5 * T * T], [T]]))
         F = np.eye(4)
-        F[0, 1] = F[2, 3] = -CELL
+        F[0, 1] = F[2, 3] = -T
         self.back = as_tensor(F)  # the inverse of the transition
         self.here = as_tensor(self.paths.here)
-        self.update, self.search, self.find = (as_tensor(rate) for rate in self.rates[:3])
-        self.sector = as_tensor(self.rates.sector)
+        self.update, self.update_rate, self.search, self.search_rate, self.find, self.sector = (
+            as_tensor(rate) for rate in self.rates
+        )
         self.known = as_tensor(self.paths.known)
+        unseen = np.diag([NOWHERE, VELOCITY**-2] * 2)
+        first = np.where(self.paths.known[:, None, None], self.paths.first, np.eye(4))
+        self.first = as_tensor(np.where(self.paths.known[:, None, None], np.linalg.inv(first), unseen))
 
     def cost(self, share: Tensor) -> Tensor:
         """Time-averaged cost of each target, in targets, (i,).
@@ -193,25 +236,25 @@ class Relaxation:
         targets, sectors = self.here.shape[1], self.system.sectors
         u = (share[:, :targets] * self.count).unbind(0)
         v = share[:, targets : targets + sectors].unbind(0)
-        position, velocity = self.system.first_errors
-        known = torch.tensor([position**-2, velocity**-2] * 2, dtype=torch.float64)
-        unseen = torch.tensor([NOWHERE, VELOCITY**-2] * 2, dtype=torch.float64)
-        fresh = torch.diag_embed(torch.where(self.known[:, None], known, unseen))
-        L, hazard = fresh, torch.zeros(targets, dtype=torch.float64)
+        L, hazard = self.first, torch.zeros(targets, dtype=torch.float64)
         total = torch.zeros(targets, dtype=torch.float64)
-        c0, eye = self.system.c0, torch.eye(4, dtype=torch.float64)
+        c0, T, eye = self.system.c0, self.system.cell, torch.eye(2, dtype=torch.float64)
+        G = self.noise
         for k in range(len(self.here)):
             of_sector = v[k][self.sector[k]]
-            power = CELL * (u[k] * self.update[k] + of_sector * self.search[k])
-            L = torch.where(self.here[k][:, None, None], L + power[:, None, None] * self.information[k], fresh)
-            hazard = hazard + torch.where(self.here[k], CELL * of_sector * self.find[k], 0.0)
+            power = T * (u[k] * self.update[k] + of_sector * self.search[k])
+            power_of_rate = T * (u[k] * self.update_rate[k] + of_sector * self.search_rate[k])
+            gained = power[:, None, None] * self.place[k] + power_of_rate[:, None, None] * self.motion[k]
+            L = torch.where(self.here[k][:, None, None], L + gained, self.first)
+            hazard = hazard + torch.where(self.here[k], T * of_sector * self.find[k], 0.0)
             d = torch.where(self.known, 1.0, torch.clamp(-torch.expm1(-hazard), min=FEW))
             place = L[:, ::2, ::2] - L[:, ::2, 1::2] @ torch.linalg.solve(L[:, 1::2, 1::2], L[:, 1::2, ::2])
             determinant = place[:, 0, 0] * place[:, 1, 1] - place[:, 0, 1] * place[:, 1, 0]
             y = c0 * determinant / (place[:, 0, 0] + place[:, 1, 1])
             total = total + torch.where(self.here[k], 1.0 - d + d * envelope(y / d), 0.0)
             A = self.back.T @ L @ self.back
-            L = A @ (eye - torch.linalg.solve(A + self.inverse_noise[k], A))
+            AG = A @ G
+            L = A - AG @ torch.linalg.solve(self.precision[k][:, None, None] * eye + G.T @ AG, AG.mT)
         return total / len(self.here)
 
     def solve(self, steps: int = STEPS) -> Bound:
@@ -238,11 +281,3 @@ class Relaxation:
         gap = ((share.detach() * gradient).sum(dim=1) - gradient.min(dim=1).values).sum().item()
         parts = np.bincount(self.paths.world, each.detach().numpy(), minlength=self.count)
         return Bound(value - gap, gap, parts * (1.0 - gap / value))
-
-
-def _inverse_noise(density: Array) -> Array:
-    """Inverse of the covariance that the white acceleration of a cell adds, (..., 4, 4)."""
-    T = CELL
-    block = np.array([[12.0 / T**3, -6.0 / T**2], [-6.0 / T**2, 4.0 / T]])
-    inverse: Array = np.kron(np.eye(2), block) / density[..., None, None]
-    return inverse

@@ -54,11 +54,11 @@ PLANNERS = ((1, 2), (2, 8), (8, 16))  # futures and tried dwells: about 0.7, 5 a
 PLANNED_DECISIONS = 50
 SHIFTED_LOAD, SHIFTED_HEURISTICS = 16, (SIMPLE, "van-keuk-blackman", BASE)
 SHIFTS: dict[str, dict[str, Any]] = {
-    "beam of 0.7 deg": {"beam_width": 0.7},
+    "beam of 1.1 deg": {"beam_width": 1.1},
     "beam of 2 deg": {"beam_width": 2.0},
-    "half the energy": {"reference_range": 60e3 * 0.5**0.25},
-    "4, 12, 40 or 120 pulses": {"pulses": (4, 12, 40, 120)},
-    "manoeuvres of 4 times the density": {"density": (10.0, 8000.0)},
+    "half the energy": {"reference_range": 160e3 * 0.5**0.25},
+    "three quarters of the pulses": {"pulses": (12, 36, 96, 24)},
+    "manoeuvres of twice the acceleration": {"acceleration": (8.0, 120.0)},
     "manoeuvres that last 0.5 s": {"leave": (0.5, 2.0)},
 }
 

@@ -90,21 +90,24 @@ def test_a_track_of_constant_updates_has_the_covariance_of_a_kalman_filter():
     share = torch.zeros((cells, targets + system.sectors + 1), dtype=torch.float64)
     share[:, :targets] = 0.02
     got = relaxation.cost(share).numpy()[always]
-    T = dwell_bound.CELL
+    T = system.cell
     F = np.kron(np.eye(2), [[1.0, T], [0.0, 1.0]])
-    noise = np.kron(np.eye(2), [[T**3 / 3.0, T**2 / 2.0], [T**2 / 2.0, T]])
+    G = np.kron(np.eye(2), [[0.5 * T**2], [T]])  # of an acceleration that lasts for a cell
+    rates, beam = relaxation.rates, system.beam
     for n, i in enumerate(np.flatnonzero(always)):
-        P, total = np.diag([system.first_errors[0] ** 2, 30.0**2] * 2), 0.0
+        P, total = relaxation.paths.first[i], 0.0
         for k in range(cells):
             x, y = relaxation.paths.x[k, i, [0, 2]]
             r = np.hypot(x, y)
-            H = np.array([[x / r, 0.0, y / r, 0.0], [y / r**2, 0.0, -x / r**2, 0.0]])
-            of_power = np.diag([system.beam.range_error**2, system.beam.angle_error**2])
-            S = H @ P @ H.T + of_power / (T * 0.02 * relaxation.rates.update[k, i])
+            vx, vy = relaxation.paths.x[k, i, [1, 3]]
+            s, c, across = x / r, y / r, (vx * y - vy * x) / r**2
+            H = np.array([[s, 0.0, c, 0.0], [c * c / r, 0.0, -s * c / r, 0.0], [c * across, s, -s * across, c]])
+            of_power = np.array([beam.range_error**2, (beam.width / 1.6) ** 2]) / rates.update[k, i]
+            S = H @ P @ H.T + np.diag([*of_power, 1.0 / rates.update_rate[k, i]]) / (T * 0.02)
             P = P - P @ H.T @ np.linalg.solve(S, H @ P)
             y = torch.tensor(system.c0 / (P[0, 0] + P[2, 2]), dtype=torch.float64)
             total += float(dwell_bound.envelope(y)) / cells
-            P = F @ P @ F.T + relaxation.paths.density[k, i] * noise
+            P = F @ P @ F.T + max(relaxation.paths.variance[k, i], dwell_bound.LEAST) * G @ G.T
         assert got[n] == pytest.approx(total, rel=1e-9)
 
 

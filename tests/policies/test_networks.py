@@ -55,7 +55,7 @@ CASES: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {
     "scorer without forecasts": (SECTOR, "ppo", {**SCORER, "forecasts": False}, {}),
     "dueling scorer": (SECTOR, "dqn", SCORER, {}),
 }
-ALIKE = (RADAR, "ppo", {**SCORER, "teacher": "", "variants": (), "masks": True}, {"slots": 6})
+ALIKE = (RADAR, "ppo", {**SCORER, "teacher": "", "variants": (), "masks": True}, {"slots": 6, "settled": 0.0})
 
 
 def untrained(name: str) -> tuple[Any, Any]:
@@ -126,8 +126,10 @@ def test_a_scorer_of_candidates_that_are_alike_plays_with_any_slots() -> None:
     np.testing.assert_allclose(policy.network.outputs(permuted), outputs[:, order], rtol=1e-5, atol=1e-5)
     few, many = (scores_of(policy.network, slots) for slots in (30, 40))
     np.testing.assert_allclose(few, many[:, [*range(120), *range(160, many.shape[1])]], rtol=1e-5, atol=1e-5)
-    env = WaveformVectorEnv(MultifunctionRadar, 20, slots=40)
-    bare = env.reset(seed=3)[0]
+    env = WaveformVectorEnv(MultifunctionRadar, 20, slots=40, settled=0.0)
+    env.reset(seed=3)
+    for slot in range(5):  # tracks are alike at first
+        bare = env.step(np.full(20, 4 * slot))[0]
     policy.begin(env.system, 20, np.random.default_rng(0))
     chosen = policy.act(env.belief, bare, env.action_masks())
     assert env.action_masks()[np.arange(20), chosen].all()
@@ -136,7 +138,7 @@ def test_a_scorer_of_candidates_that_are_alike_plays_with_any_slots() -> None:
 
 def scores_of(network: Network, slots: int) -> np.ndarray:
     """Scores of the dwells at the beginning of the same 20 worlds, (env, action)."""
-    env = WaveformVectorEnv(MultifunctionRadar, 20, slots=slots, forecasts=True)
+    env = WaveformVectorEnv(MultifunctionRadar, 20, slots=slots, settled=0.0, forecasts=True)
     return network.outputs(env.reset(seed=3)[0][:, len(env.system.observation_fields) :])
 
 

@@ -181,7 +181,7 @@ def test_every_scheduler_gets_through_gymnasiums_loop(name):
     """In the default autoreset mode a policy is also asked at the step that only resets, when its episode is over."""
     action, eclipsing = "box" if name in BOX else "library", name != "myopic:closed-form"
     if name in TIMELINE:
-        envs = WaveformVectorEnv(MultifunctionRadar, 2, horizon=4, slots=8)
+        envs = WaveformVectorEnv(MultifunctionRadar, 2, horizon=4, slots=8, settled=0.0)
     else:
         envs = WaveformVectorEnv(KershawEvansPosition, 2, horizon=4, action=action, eclipsing=eclipsing)
     policy = make_policy(name, envs.system, draw_worlds(envs.system, world_seeds(0, "tune", 3)))

@@ -230,10 +230,16 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
     "MultifunctionRadar": [
         ({"tracker": "ekf"}, "tracker is 'ekf', expected one of 'imm'"),
         ({"speeds": (300.0, 100.0)}, r"speeds is .* expected the least first \(nearest: \(100.0, 300.0\)\)"),
-        ({"sectors": 200}, r"sectors is 200, expected each as wide as a beam or wider \(nearest: 120\)"),
-        ({"interval": 100e-6}, "range of 6 pulses folds at 14989.6 m"),
+        ({"sectors": 200}, r"sectors is 200, expected each as wide as a beam or wider \(nearest: 41\)"),
+        ({"interval": 100e-6}, "range of 16 pulses folds at 14989.6 m"),
         ({"nearest": 1e3}, r"nearest is 1000.0 m, expected a number in \[4496.89"),
-        ({"pulses": (2000,)}, r"sample is 0.5 s, expected the longest dwell or more \(nearest: 0.641\)"),
+        ({"pulses": (16, 48)}, r"bursts is \(1, 1, 1, 4\), expected a number for each of the pulses \(16, 48\)"),
+        ({"pulses": (16, 16), "bursts": (2, 2)}, r"pulses is \(16, 16\), expected no two dwells alike"),
+        ({"false_alarms": (0.1, 2.0)}, r"false_alarms.1 is 2.0, expected a number in \[1e-09, 1\]"),
+        (
+            {"pulses": (2000,), "bursts": (1,)},
+            r"sample is 0.6 s, expected the longest dwell or more \(nearest: 0.641\)",
+        ),
     ],
 }
 

@@ -73,14 +73,14 @@ def test_van_keuk_and_blackman_look_when_the_azimuth_is_uncertain_for_as_long_as
     rows = SYSTEM.slots_now(beliefs)
     existence = rows[..., 0]
     confirmed = beliefs._replace(existence=np.where(existence >= 0.9, existence, 0.0))
-    limit, snr = 0.08, 30.0
+    limit, snr = 0.03, 30.0
     pointing = np.where(existence >= 0.9, rows[..., 3], -1.0)
     actions = chosen(VanKeukBlackman(limit, snr, 0.0, 2), confirmed)
     due = pointing.max(axis=1) >= limit
     assert due.sum() > 0
     for e in np.flatnonzero(due):
         slot = pointing[e].argmax()
-        strong = np.flatnonzero(rows[e, slot, 8] * np.array(SYSTEM.dwell_seconds) >= snr)
+        strong = np.flatnonzero(rows[e, slot, 8] * np.array(SYSTEM.dwells.seconds) >= snr)
         dwell = strong[0] if len(strong) else 3
         assert actions[e] == SYSTEM.dwells.update(slot, dwell)
     assert (KIND[chosen(VanKeukBlackman(1e6, snr, 1e6, 2), beliefs)] == SEARCH).all()

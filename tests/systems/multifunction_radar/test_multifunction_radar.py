@@ -16,7 +16,7 @@ from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers import RandomChoice, rollout
 from wavegym.schedulers.heuristics.grids import SEARCHED_DWELL
 from wavegym.schedulers.heuristics.timeline_rules import GainPerSecond
-from wavegym.systems.multifunction_radar.state import _errors, _follow, _square_gospa, estimates
+from wavegym.systems.multifunction_radar.state import _errors, _follow, _square_gospa, estimates, states_now
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE, WAIT
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 from wavegym.trackers import gospa
@@ -95,18 +95,16 @@ def worlds_of(system, count, root=0):
 
 def places(state, system):
     """True states (env, g, 4) at the time of the belief."""
-    x, late = state.truth.state.copy(), state.belief.time - state.truth.cell * system.cell
-    x[..., [0, 2]] += late[:, None, None] * x[..., [1, 3]]
-    return x
+    return states_now(state.truth, state.belief.time - state.truth.cell * system.cell)
 
 
 def test_a_dwell_takes_the_time_of_its_pulses_and_the_overhead():
-    system = MultifunctionRadar(pulses=(6, 200))
-    kind, which, seconds, duration = system.dwells.menu
+    system = MultifunctionRadar(pulses=(6, 50), bursts=(1, 4))
+    kind, which, train, duration = system.dwells.menu
     labels = system.actions.labels
-    assert labels[:2] == ("update 0 1.92 ms", "update 0 64 ms")
-    assert labels[-3:] == ("search 11 1.92 ms", "search 11 64 ms", "wait")
-    np.testing.assert_allclose(seconds[:2], [6 * 320e-6, 200 * 320e-6], rtol=1e-12)
+    assert labels[:2] == ("update 0 1.92 ms", "update 0 64 ms in 4 bursts")
+    assert labels[-3:] == ("search 11 1.92 ms", "search 11 64 ms in 4 bursts", "wait")
+    np.testing.assert_array_equal(train[[0, 1, 2, 127, 128, 151]], [0, 1, 0, 1, 0, 1])
     np.testing.assert_allclose(duration[[0, 1, -1]], [2.92e-3, 65e-3, 5e-3], rtol=1e-12)
     assert (kind == np.repeat([UPDATE, SEARCH, WAIT], [128, 24, 1])).all()
     np.testing.assert_array_equal(which[[0, 1, 2, 127, 128, 151]], [0, 0, 1, 63, 0, 11])
@@ -140,6 +138,7 @@ def test_the_parts_of_the_cost_are_those_of_the_belief_without_the_others():
     system = MultifunctionRadar()
     state = after(system, worlds_of(system, 4), 2.0, by_gain(system))
     wait, belief = np.full(4, len(system.actions) - 1), state.belief
+    belief.existence[0, np.argmax(belief.existence[0])] = 0.5  # a tentative track for certain
     is_confirmed, quiet = belief.existence >= CONFIRMED, np.zeros_like(belief.undetected)
     alone = (
         ("cost_undetected", belief._replace(existence=np.zeros_like(belief.existence))),
@@ -157,7 +156,7 @@ def test_the_parts_of_the_cost_are_those_of_the_belief_without_the_others():
 
 
 def test_an_update_of_a_free_slot_is_a_wait():
-    system = MultifunctionRadar(known=0.0)
+    system = MultifunctionRadar(known=0.0, settled=0.0)
     worlds = worlds_of(system, 2)
     state = system.initial(worlds)
     assert not system.mask(state.belief)[:, : system.slots * 4].any()
@@ -185,7 +184,7 @@ def test_futures_conserve_the_expected_number_of_targets(kind):
     draws = np.stack([(np.arange(400) + 0.5) / 400, np.full(400, 0.5)], axis=1)
     futures = system.predict(belief, np.full((1, 400), action), draws[None])
     waited = system.predict(belief, np.array([action]))
-    number = futures.existence.sum(axis=2) + futures.undetected.sum(axis=(2, 3))
+    number = futures.existence.sum(axis=2) + futures.undetected.sum(axis=(2, 3, 4))
     want = waited.existence.sum() + waited.undetected.sum()
     assert number.mean() == pytest.approx(want, abs=2.0 / 400)
     assert len(np.unique((futures.existence > 0.0).sum(axis=2) if kind == "search" else number.round(3))) > 1
@@ -238,15 +237,21 @@ def test_simulated_futures_are_those_of_predict_and_the_rule():
     now = trees.repeated(belief, futures)
     waits = np.full(futures, len(system.actions) - 1)
     end, action, want = now.time + seconds, np.full(futures, first), np.zeros(futures)
+
+    def to_come(belief):
+        total = 0.0
+        for ahead, weight in ((rule.ahead, 1.0), (rule.later, rule.far)):
+            waiting = dataclasses.replace(system, dt=ahead)
+            total = total + weight * waiting.predict(trees.repeated(belief, 1), waits).spent.sum(axis=-1)
+        return total
+
     while (going := now.time < end).any():
         after_dwell = system.predict(now, action, rng.random((futures, 2)))
-        share = np.minimum((end - now.time) / after_dwell.duration, 1.0)
-        want += np.where(going, share * after_dwell.spent.sum(axis=-1), 0.0)
+        spent, share = after_dwell.spent.sum(axis=-1), (end - now.time) / after_dwell.duration
+        last = share * (spent + to_come(after_dwell)) + (1.0 - share) * to_come(now)
+        want += np.where(going, np.where(share > 1.0, spent, last), 0.0)
         now = trees.merged(after_dwell, ~going, now)
         action = np.where(system.mask(now), shortcuts.scores(system, now, rule), -np.inf).argmax(axis=1)
-    for ahead, weight in ((rule.ahead, 1.0), (rule.later, rule.far)):
-        waiting = dataclasses.replace(system, dt=ahead)
-        want += weight * waiting.predict(trees.repeated(now, 1), waits).spent.sum(axis=-1)
     error = want.std() / np.sqrt(futures)
     assert error < 0.02 * want.mean()
     assert abs(got - want.mean()) < 4.0 * np.sqrt(2.0) * error
@@ -278,16 +283,16 @@ def test_gospa_is_that_of_the_reported_tracks():
 @pytest.mark.slow
 def test_traffic_is_in_equilibrium():
     """Over 400 worlds of straight flight: the number, and its distribution over range bins, before and after 40 s."""
-    system = MultifunctionRadar(density=(0.0, 0.0), seconds=50.0)
+    system = MultifunctionRadar(acceleration=(0.0, 0.0), farthest=40e3, seconds=50.0)
     worlds, counts = worlds_of(system, 400), []
     state, wait = system.initial(worlds), np.full(400, len(system.actions) - 1)
-    system = MultifunctionRadar(density=(0.0, 0.0), seconds=50.0, dt=1.0)
+    system = MultifunctionRadar(acceleration=(0.0, 0.0), farthest=40e3, seconds=50.0, dt=1.0)
     for _ in range(41):
         x = places(state, system)
         bins = ((np.hypot(x[..., 0], x[..., 2]) - 5e3) / 5e3).astype(int)
         counts.append(np.bincount(bins[state.truth.here].clip(0, 6), minlength=7) / 400)
         state = system.transition(state, wait, worlds)
-    want = system.usual_numbers * system.sectors
+    want = system.usual_numbers.sum(axis=0)
     for count in (counts[0], counts[-1]):
         assert (np.abs(count - want) < 4.0 * np.sqrt(want / 400)).all(), (count, want)
 
@@ -321,7 +326,7 @@ def test_beliefs_agree_with_the_truth():
     for got, want, room in ((believed, actual, 0.1), (rates, distances, 0.1)):
         gap = np.mean(got, axis=0) - np.mean(want, axis=0)
         assert abs(gap.mean()) < room * np.mean(want) + 3.0 * gap.std() / np.sqrt(48)
-    assert 3.6 < np.concatenate(nees).mean() < 4.4
+    assert 3.2 < np.concatenate(nees).mean() < 4.4  # accelerations last for a cell, and the tracker takes them as white
     assert CONFIRMED == 0.9
 
 
@@ -329,9 +334,13 @@ def test_beliefs_agree_with_the_truth():
 def test_tracks_of_targets_with_one_motion_model_are_consistent():
     """Where no mixture is left to approximate, the NEES is chi-squared: its mean and its tail beyond the 0.99 quantile.
 
-    Intervals are three standard errors from the spread over worlds.
+    Accelerations change fast enough to be white, and few are refused at the limits of speed. Beyond the quantile of one
+    in a million a track follows another target, and counts as there. Intervals are three standard errors from the
+    spread over worlds, and a twentieth for what is no Gaussian: offsets after a miss or of a new track.
     """
-    system = MultifunctionRadar(targets=8.0, seconds=20.0, density=(400.0, 400.0))
+    system = MultifunctionRadar(
+        targets=8.0, seconds=20.0, cell=0.02, acceleration=(95.0, 95.0), speeds=(50.0, 600.0)
+    )  # fmt: skip
     worlds, choose = worlds_of(system, 64), by_gain(system)
     state, nees, present, sampled = system.initial(worlds), [], [], 2.0
     while state.belief.time.min() < 19.9:
@@ -340,23 +349,23 @@ def test_tracks_of_targets_with_one_motion_model_are_consistent():
             sampled += 1.0
             nees.append(state.truth.nees.copy())
             present.append(state.truth.present.copy())
-    counts = np.sum(present, axis=(0, 2))
-    for values, want in ((np.array(nees), 4.0), (np.array(nees) > chi2.ppf(0.99, 4), 0.01)):
+    counts, nees = np.sum(present, axis=(0, 2)), np.minimum(nees, chi2.ppf(1.0 - 1e-6, 4))
+    for values, want in ((nees, 4.0), (nees > chi2.ppf(0.99, 4), 0.01)):
         totals = np.where(present, values, 0.0).sum(axis=(0, 2))
         mean = totals.sum() / counts.sum()
         error = np.sqrt(np.square(totals - mean * counts).sum()) / counts.sum()
-        assert abs(mean - want) < 3.0 * error, (mean, error)
+        assert abs(mean - want) < 3.0 * error + 0.05 * want, (mean, error)
         assert error < 0.2 * want
 
 
 def test_a_priority_weighs_the_cost_of_every_target_by_its_range():
     """Of tracks one by one, of the undetected bin by bin, of what dwells gain, and of the truth."""
-    plain, weighted = MultifunctionRadar(), MultifunctionRadar(priority=5.0)
+    plain, weighted = MultifunctionRadar(settled=0.0), MultifunctionRadar(settled=0.0, priority=5.0)
     state = after(plain, worlds_of(plain, 4), 2.0, by_gain(plain))
     rows, wait = plain.slots_now(state.belief), np.full(4, len(plain.actions) - 1)
 
     def weight(r):
-        return 1.0 + 4.0 * (40e3 - r) / 35e3
+        return 1.0 + 4.0 * (30e3 - r) / 25e3
 
     def ratio(belief):
         return heavy.cost(heavy.predict(belief, wait)) / light.cost(light.predict(belief, wait))
@@ -370,13 +379,14 @@ def test_a_priority_weighs_the_cost_of_every_target_by_its_range():
         np.testing.assert_allclose(got, weight(rows[taken, k, 1]), rtol=1e-3)  # it flies on meanwhile
     seen = plain.mask(empty) & (plain.dwells.menu[0] == UPDATE)
     r = rows[np.nonzero(seen)[0], plain.dwells.menu[1][np.nonzero(seen)[1]], 1]
-    ratios = shortcuts.gain_per_second(weighted, empty)[seen] / shortcuts.gain_per_second(plain, empty)[seen]
-    np.testing.assert_allclose(ratios, weight(r), rtol=1e-2)
+    light_gains, heavy_gains = (shortcuts.gain_per_second(each, empty)[seen] for each in (plain, weighted))
+    assert (light_gains > 0.0).mean() > 0.9
+    np.testing.assert_allclose(heavy_gains, weight(r) * light_gains, rtol=1e-2)
     silent = empty._replace(existence=np.zeros_like(empty.existence))
     for b in range(plain.bins):
         one = np.zeros_like(empty.undetected)
-        one[:, 3, b] = 1e-3
-        middle = 5e3 + (b + 0.5) * 5e3
+        one[:, :, b] = 1e-3
+        middle = 5e3 + (b + 0.5) * 25e3 / 7
         now = silent._replace(undetected=one)
         np.testing.assert_allclose(ratio(now), weight(middle), rtol=1e-3)
         search = plain.dwells.search(3, 2)

@@ -12,7 +12,7 @@ from wavegym.systems.multifunction_radar import track_kernels as tracks
 
 MODES = tracks.Modes((10.0, 2000.0), (0.05, 0.2))
 GENERATOR = np.array([[-0.05, 0.05], [0.2, -0.2]])
-VARIANCE = np.array([40.0, 3e-6])
+VARIANCE = np.array([40.0, 3e-6, 1.0])  # of range, sine of the azimuth and range-rate
 
 
 def some_slots(rng, count=3):
@@ -23,7 +23,7 @@ def some_slots(rng, count=3):
     probability = rng.dirichlet([2.0, 2.0], count)
     slots = tracks.Slots(
         np.zeros(count), np.empty((count, 2, 4)), np.empty((count, 2, 4, 4)), np.empty((count, 2)),
-        np.full(count, 0.9), np.empty((count, 10))
+        np.full(count, 0.9), np.zeros((count, 3)), np.empty((count, 10))
     )  # fmt: skip
     for k in range(count):
         tracks.keep_slot(
@@ -87,9 +87,10 @@ def test_first_tracks_are_around_the_truth_of_the_known():
     rng = np.random.default_rng(1)
     x, error, origin = rng.normal(0, 1e3, (4, 4)), rng.normal(0, 1, (4, 4)), np.full(3, -1)
     here, known, sd = np.array([1, 1, 0, 1], bool), np.array([0, 1, 1, 1], bool), np.array([100.0, 30.0, 100.0, 30.0])
-    tracks.first_slots(x, here, known, error, MODES, np.array([1e4, 900.0]), slots, origin)
+    tracks.first_slots(0.0, x, here, known, error, MODES, np.array([1e4, 900.0]), slots, origin)
     np.testing.assert_array_equal(origin, [1, 3, -1])
     np.testing.assert_array_equal(slots.existence, [1, 1, 0])
+    np.testing.assert_allclose(slots.section, [[1 / 3] * 3, [1 / 3] * 3, [0] * 3], rtol=1e-12)
     for k, g in ((0, 1), (1, 3)):
         np.testing.assert_allclose(slots.mean[k], np.tile(x[g] + sd * error[g], (2, 1)), rtol=1e-12)
         np.testing.assert_array_equal(slots.covariance[k], np.tile(np.diag(sd**2), (2, 1, 1)))
@@ -108,40 +109,62 @@ def test_prediction_is_the_textbooks(seconds):
         np.testing.assert_allclose(covariance[0], whole[1], rtol=1e-9, atol=1e-9)
 
 
-def test_update_is_the_textbooks():
-    """One linearisation at the prediction, with the joint innovation of range and azimuth."""
-    slots = some_slots(np.random.default_rng(2))
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("seen", [1.0, 0.8])
+def test_update_is_the_textbooks(count, seen):
+    """One linearisation at the prediction, with the joint innovation of range, sine and range-rate modulo the fold."""
+    slots, fold = some_slots(np.random.default_rng(2)), 90.0
     for k in range(3):
-        x, P, mu, mean, covariance = predicted(slots, k, 3.0)
-        z = np.array([np.hypot(mean[0, 0], mean[0, 2]) + 9.0, np.arctan2(mean[0, 0], mean[0, 2]) - 2e-3])
+        x, P, mu, mean, _ = predicted(slots, k, 3.0)
+        px, vx, py, vy = mean[0]
+        r = np.hypot(px, py)
+        axis = px / r - 3e-3
+        z = np.array([r + 9.0, axis + seen * 1e-3, (px * vx + py * vy) / r + 2.0])
         means, covariances, likelihood = [], [], []
         for j in range(2):
-            px, py = x[j, 0], x[j, 2]
-            r2, r = px**2 + py**2, np.hypot(px, py)
-            H = np.array([[px / r, 0, py / r, 0], [py / r2, 0, -px / r2, 0]])
-            S, y = H @ P[j] @ H.T + np.diag(VARIANCE), z - [r, np.arctan2(px, py)]
+            px, vx, py, vy = x[j]
+            r = np.hypot(px, py)
+            s, c, across = px / r, py / r, (vx * py - vy * px) / r**2
+            H = np.array([[s, 0, c, 0], [seen * c * c / r, 0, -seen * s * c / r, 0], [c * across, s, -s * across, c]])
+            h = np.array([r, axis + seen * (s - axis), s * vx + c * vy])
+            H, y = H[:count], (z - h)[:count]
+            S = H @ P[j] @ H.T + np.diag(VARIANCE[:count])
             K = P[j] @ H.T @ np.linalg.inv(S)
             means.append(x[j] + K @ y)
             covariances.append(P[j] - K @ S @ K.T)
-            likelihood.append(multivariate_normal(np.zeros(2), S).pdf(y))
-        weights = mu[0] * likelihood / (mu[0] @ likelihood)
-        squared, log_det = tracks.distance_to(mean, covariance, *z, VARIANCE, np.empty(2), np.empty((2, 4)))
-        assert squared > 0.0
-        assert np.isfinite(log_det)
-        tracks.update_slot(k, 3.0, slots, MODES, x, P, mu, *z, VARIANCE)
-        np.testing.assert_allclose(slots.mean[k], means, rtol=1e-9)
-        np.testing.assert_allclose(slots.covariance[k], covariances, rtol=1e-6, atol=1e-6)
-        np.testing.assert_allclose(slots.probability[k], weights, rtol=1e-9)
-        assert slots.time[k] == 3.0
+            likelihood.append(multivariate_normal(np.zeros(count), S).pdf(y))
+        evidence = mu[0] @ likelihood
+        weights = mu[0] * likelihood / evidence
+        got = tracks.correct_slot(x, P, mu, (axis, seen, z + np.array([0, 0, 2 * fold]), VARIANCE, count, fold))
+        assert got == pytest.approx(np.log(evidence), abs=1e-6)
+        np.testing.assert_allclose(x, means, rtol=1e-9)
+        np.testing.assert_allclose(P, covariances, rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(mu[0], weights, rtol=1e-6)
+
+
+def test_the_gradients_are_those_of_finite_differences():
+    x, h, H = np.array([[9e3, 120.0, -15e3, -150.0]]), np.empty(3), np.empty((3, 4))
+    tracks.look_at(x, 0, h, H)
+
+    def measured(state):
+        r = np.hypot(state[0], state[2])
+        return np.array([r, state[0] / r, (state[0] * state[1] + state[2] * state[3]) / r])
+
+    np.testing.assert_allclose(h, measured(x[0]), rtol=1e-12)
+    steps = np.array([1.0, 1e-2, 1.0, 1e-2])
+    for n, step in enumerate(np.diag(steps)):
+        slope = (measured(x[0] + step) - measured(x[0] - step)) / (2 * steps[n])
+        np.testing.assert_allclose(H[:, n], slope, rtol=1e-6, atol=1e-12)
 
 
 def test_a_new_track_has_the_place_of_its_measurement():
     """Its covariance against measured places drawn around the truth."""
     slots, rng = some_slots(np.random.default_rng(3)), np.random.default_rng(4)
-    tracks.begin_slot(1, 2.0, slots, MODES, 20e3, 0.7, VARIANCE, 200.0)
+    sine = np.sin(0.7)
+    tracks.begin_slot(1, 2.0, slots, MODES, 20e3, sine, VARIANCE, 200.0)
     r, azimuth = (
         20e3 + np.sqrt(VARIANCE[0]) * rng.standard_normal(100_000),
-        0.7 + np.sqrt(VARIANCE[1]) * rng.standard_normal(100_000),
+        np.arcsin(sine + np.sqrt(VARIANCE[1]) * rng.standard_normal(100_000)),
     )
     sample = np.cov([r * np.sin(azimuth), r * np.cos(azimuth)])
     for j in range(2):

@@ -1,11 +1,17 @@
 """The compiled beam of the multifunction radar: energy, detections, errors, and the information in a miss.
 
-Shapes: g targets, f findings of a dwell: range (m), azimuth (rad), z, and the number of the target (-1: false alarm),
-which only the truth reads. S is the mean E/N0 of the echo. The receiver measures z, the power of echo and noise
-together. Both are complex normal (Swerling 1), so z is exponential with mean 1 + S. The probability of z > T is
-exp(-T / (1 + S)), and the excess over T is exponential again. Range and azimuth have the errors of a matched filter and
-a monopulse at the measured power: variances proportional to 1 / (2 z). World and tracker both compute them from z, so
-no SNR is assumed.
+Shapes: g targets, f findings of a dwell: range (m), sine of the azimuth, range-rate modulo the fold (m/s), z, and the
+number of the target (-1: false alarm), which only the truth reads.
+
+A dwell is b bursts, each coherent. S is the mean E/N0 of a burst's echo. The receiver measures z, the sum over the
+bursts of the power of echo and noise together. Both are complex normal and independent between bursts (Swerling 2), so
+z is a gamma variable of shape b and mean b (1 + S).
+
+The antenna is a planar array. In the sine of the azimuth its beam has the same width in every direction, and offsets
+``off`` are in that width. The gain falls with the cosine of the direction, so an echo keeps cos^3. The monopulse ratio
+of a target off the axis, given z, is normal with mean k off S / (1 + S) and variance (1 + (k off)^2 S / (1 + S)) /
+(2 z), where k is the slope. That of a false alarm has S = 0. Range and range-rate have the errors of a matched filter
+at the measured power: variances proportional to 1 / (2 z). World and tracker both compute them from z.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -14,139 +20,243 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import fresnel
 
 from wavegym.core.counter_rng_kernels import exponential, normal, stream, uniform
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.platform_kernels import bearing, wrapped
+from wavegym.systems.multifunction_radar.flight_kernels import moved
 
-TWO_WAY = 8.0 * np.log(2.0)  # loss of a pointing error d: exp(-TWO_WAY d^2 / B^2); at B / 2 half the power each way
-REACH = 1.5  # beam widths off the axis beyond which no echo is seen: the loss is 54 dB there
+SLOPE = 1.6  # k, of the monopulse ratio over the offset in beam widths
+TWO_WAY = 8.0 * np.log(2.0)  # loss of an offset d: exp(-TWO_WAY d^2); at half a width half the power each way
+REACH = 1.0  # offset beyond which no echo is seen: the loss is 24 dB there
 NODES = np.array([-2.8569700138728056, -1.3556261799742659, 0.0, 1.3556261799742659, 2.8569700138728056])
 WEIGHTS = np.array([0.011257411327720691, 0.22207592200561266, 8.0 / 15.0, 0.22207592200561266, 0.011257411327720691])
 NARROW = 0.25  # standard deviation in beam widths below which Gauss-Hermite quadrature is used
-STEPS = 6  # of the trapezoidal rule from the axis to ``REACH``
-FALSE = 10_000  # number of the stream of false alarms within a dwell's key
+STEPS = 5  # of the trapezoidal rule from the axis to ``REACH``
+FALSE = 1  # number of the stream of false alarms within a dwell's key
+BURSTS = 3  # a target's draws: errors of range, azimuth and range-rate, then the power of each burst
+FINEST = 0.05  # step of the table of ``coherent_share``
 
 
 class Beam(NamedTuple):
     """The radar's numbers."""
 
-    width: float  # B, rad: half-power width of the beam, one way
-    reference: float  # m: range at which a dwell of ``unit`` has E/N0 = 1 on the beam's axis
-    unit: float  # s
+    width: float  # B: half-power width of the beam, one way, in the sine of the azimuth
+    reference: float  # m: range at which a burst of gain 1 has E/N0 = 1 from 1 m^2 on the axis, straight ahead
     range_error: float  # m: standard deviation of range at 2 z = 1
-    angle_error: float  # rad: of azimuth at 2 z = 1
-    range_cell: float  # m: a false alarm occurs in each cell with probability exp(-T)
+    fold: float  # m/s: range-rates are measured modulo this
+    kept: np.ndarray  # ``coherent_share`` of FINEST, 2 FINEST, ...
+    sections: np.ndarray  # (c,) m^2: mean radar cross section of each class of targets
     nearest: float  # m
     farthest: float  # m
     gate: float  # squared Mahalanobis distance
 
 
-@inlined
-def energy(r, off, seconds, beam):
-    """S of a target at range r, ``off`` rad from the beam's axis, in a dwell of ``seconds``."""
-    ratio = beam.reference / r
-    gain = ratio * ratio * ratio * ratio * seconds / beam.unit
-    return gain * np.exp(-TWO_WAY * off * off / (beam.width * beam.width))
+class Look(NamedTuple):
+    """What a dwell sends and how its echo is judged, whatever its direction."""
+
+    bursts: int  # b
+    gain: float  # S of 1 m^2 at the reference range, on the axis, straight ahead, without acceleration
+    threshold: float  # T of z
+    cells: float  # cells of range, range-rate and elevation for each metre of range
+    rate_error: float  # m/s: standard deviation of range-rate at 2 z = 1
+    stretch: float  # s^2/m: a radial acceleration times this is beta of ``coherent_share``
+    kept: np.ndarray  # (m,) mean share of the energy kept, of a target in each mode
 
 
-@inlined
-def detection(S, threshold):
-    """Probability that z exceeds the threshold."""
-    return np.exp(-threshold / (1.0 + S))
+def coherent_share(beta):
+    """Share of the energy that the best Doppler filter keeps of a burst under constant acceleration, (...).
 
+    Args:
+        beta: radial acceleration times the square of the burst's length over the wavelength; the Doppler frequency
+            changes by 2 beta over the inverse of the burst's length.
 
-@inlined
-def mean_inverse_power(S, threshold):
-    """Mean of 1 / z given a detection, with an error below 5 %: exp(x) E1(x) / (1 + S) with x = T / (1 + S).
-
-    exp(x) E1(x) is near ln(1 + c / x), where c increases from exp(-gamma) at 0 (Euler's gamma) to 1 - 1 / (2 x).
+    The filter's output is a Fresnel integral, greatest in the middle of the chirp or near one end.
     """
-    x = threshold / (1.0 + S)
-    c = (0.5615 + 0.877 * x) / (1.0 + 0.877 * x)
-    return np.log1p(c / x) / (1.0 + S)
+    beta = np.maximum(np.abs(np.asarray(beta, np.float64)), 1e-9)
+    middles = np.linspace(0.0, 0.5, 51)
+    scale = 2.0 * np.sqrt(beta)[..., None]
+    ends = fresnel(scale * (0.5 - middles)), fresnel(scale * (-0.5 - middles))
+    power = np.square(ends[0][0] - ends[1][0]) + np.square(ends[0][1] - ends[1][1])
+    return (power / (scale * scale)).max(axis=-1)
+
+
+@inlined
+def share_kept(acceleration, look, beam):
+    """``coherent_share`` of a radial acceleration, by interpolation."""
+    place = abs(acceleration) * look.stretch / FINEST
+    i = min(int(place), len(beam.kept) - 2)
+    return beam.kept[i] + min(place - i, 1.0) * (beam.kept[i + 1] - beam.kept[i])
+
+
+@inlined
+def on_axis(r, axis, look, beam):
+    """S of 1 m^2 at range r on an axis (its sine), without acceleration."""
+    ratio, square = beam.reference / r, 1.0 - axis * axis
+    return look.gain * ratio * ratio * ratio * ratio * square * np.sqrt(square)
+
+
+@inlined
+def loss(off):
+    """Share of the echo of a target ``off`` the axis, two-way."""
+    return np.exp(-TWO_WAY * off * off)
+
+
+@inlined
+def mean_loss(off, spread):
+    """Mean of ``loss`` over a normal offset of variance ``spread``."""
+    wider = 1.0 + 2.0 * TWO_WAY * spread
+    return np.exp(-TWO_WAY * off * off / wider) / np.sqrt(wider)
+
+
+@inlined
+def exceeds(x, bursts):
+    """Probability that a gamma variable of shape ``bursts`` and scale 1 exceeds x: e^-x times the sum of x^k / k!."""
+    term, total = 1.0, 1.0
+    for k in range(1, bursts):
+        term *= x / k
+        total += term
+    return total * np.exp(-x)
+
+
+@inlined
+def detection(S, look):
+    """Probability that z exceeds the threshold."""
+    return exceeds(look.threshold / (1.0 + S), look.bursts)
 
 
 @kernel
-def expected_detection(r, off, variance, seconds, threshold, beam):
-    """Probability of detection, and a ratio for a miss; the azimuth has a variance and a mean ``off`` the beam's axis.
+def power_beyond(share, S, look):
+    """z of a detection, exceeded with the probability ``share`` among detections: Newton's method on the logarithm."""
+    b, x = look.bursts, look.threshold / (1.0 + S) - np.log(share)
+    if b > 1:
+        wanted = np.log(share * exceeds(look.threshold / (1.0 + S), b))
+        for _ in range(8):
+            term, total = 1.0, 1.0
+            for k in range(1, b):
+                term *= x / k
+                total += term
+            x += (np.log(total) - x - wanted) * total / term
+    return (1.0 + S) * x
 
-    The ratio is the mean square distance from that mean given a miss, divided by the variance. A narrow distribution is
+
+@inlined
+def log_ratio(z, S, look):
+    """Log of the density of z with an echo over that without."""
+    return z * S / (1.0 + S) - look.bursts * np.log1p(S)
+
+
+@inlined
+def false_offset_density(off, z):
+    """Density of a false alarm's measured offset, in beam widths."""
+    precision = 2.0 * z * SLOPE * SLOPE
+    return np.sqrt(precision / (2.0 * np.pi)) * np.exp(-0.5 * precision * off * off)
+
+
+@kernel
+def expected_detection(S, off, spread, look):
+    """Probability of detection, and its mean times u^2, for an offset of mean ``off`` and variance ``spread``.
+
+    S is that on the axis; u is the offset's distance from its mean, in standard deviations. A narrow distribution is
     integrated by Gauss-Hermite quadrature, a wide one by the trapezoidal rule over the beam.
     """
-    sigma, square, pd = np.sqrt(variance), 1.0, 0.0
-    if sigma < NARROW * beam.width:
+    sigma, square, pd = np.sqrt(spread), 0.0, 0.0
+    if sigma < NARROW:
         for i in range(len(NODES)):
-            chance = detection(energy(r, off + NODES[i] * sigma, seconds, beam), threshold)
-            pd += WEIGHTS[i] * chance
-            square -= WEIGHTS[i] * NODES[i] * NODES[i] * chance
+            chance = WEIGHTS[i] * detection(S * loss(off + NODES[i] * sigma), look)
+            pd += chance
+            square += NODES[i] * NODES[i] * chance
     else:
-        apart = REACH * beam.width / STEPS
+        apart = REACH / STEPS
         for i in range(-STEPS, STEPS + 1):
             u = (i * apart - off) / sigma
             weight = apart / sigma * np.exp(-0.5 * u * u) / np.sqrt(2.0 * np.pi)
-            chance = detection(energy(r, i * apart, seconds, beam), threshold)
-            pd += weight * chance
-            square -= weight * u * u * chance
-    return pd, square / (1.0 - pd) if pd < 1.0 else 1.0
+            chance = weight * detection(S * loss(i * apart), look)
+            pd += chance
+            square += u * u * chance
+    return pd, square
 
 
 @kernel
-def coverage(r, seconds, threshold, beam):
-    """Integral of the probability of detection over the azimuth, in beam widths."""
-    apart, total = REACH / STEPS, 0.0
-    for i in range(-STEPS, STEPS + 1):
-        total += apart * detection(energy(r, i * apart * beam.width, seconds, beam), threshold)
+def mean_detection(S, low, high, look):
+    """Mean probability of detection over the offsets from low to high, where S is that on the axis."""
+    apart, total = (high - low) / STEPS, 0.0
+    for i in range(STEPS):
+        off = low + (i + 0.5) * apart
+        total += detection(S * loss(off), look) / STEPS if abs(off) <= REACH else 0.0
     return total
 
 
+@inlined
+def echo_of(key, g, state, scene, axis, look, found):
+    """Draw the echo of target g, in a state (4,), from the target's own stream; returns z, and fills found (5,).
+
+    scene: beam, the flying targets, classes of section (g,).
+    """
+    (beam, flying, section), (px, vx, py, vy) = scene, state
+    r = np.sqrt(px * px + py * py)
+    off = (px / r - axis) / beam.width
+    radial = (px * flying.acceleration[g, 0] + py * flying.acceleration[g, 1]) / r
+    S = on_axis(r, axis, look, beam) * beam.sections[section[g]] * loss(off) * share_kept(radial, look, beam)
+    z = 0.0
+    for i in range(look.bursts):
+        z += (1.0 + S) * exponential(key, BURSTS + i)
+    seen, slope = S / (1.0 + S), SLOPE * off
+    spread = np.sqrt(0.5 / z)
+    found[0] = r + beam.range_error * spread * normal(key, 0)
+    ratio = slope * seen + np.sqrt(1.0 + slope * slope * seen) * spread * normal(key, 1)
+    found[1] = axis + beam.width * ratio / SLOPE
+    rate = (px * vx + py * vy) / r + look.rate_error * spread * normal(key, 2)
+    found[2] = rate - beam.fold * np.rint(rate / beam.fold)
+    found[3], found[4] = z, g
+    return z
+
+
 @kernel
-def echoes(key, x, here, late, axis, seconds, threshold, beam, found):
-    """Detections of true targets x (g, n), moved on by ``late`` s; fills found (f, 4), returns their number."""
-    count = 0
-    for g in range(len(here)):
-        if not here[g] or count == len(found):
+def echoes(key, looks, scene, late, axis, look, found):
+    """Detections of the true targets, ``late`` s after the cell began; fills found (f, 5), returns their number.
+
+    looks (g,): how often each target has been in the beam before. Its next echo has draws of its own, whatever else the
+    radar has done, so that schedules can be compared on the same echoes.
+    """
+    count, (beam, flying, _) = 0, scene
+    for g in range(len(flying.here)):
+        if not flying.here[g] or count == len(found):
             continue
-        px, py = x[g, 0] + late * x[g, 1], x[g, 2] + late * x[g, 3]
-        azimuth = bearing(px, py)
-        off = wrapped(azimuth - axis)
-        if abs(off) > REACH * beam.width:
+        state = moved(flying, g, late)
+        px, py = state[0], state[2]
+        if abs(px / np.sqrt(px * px + py * py) - axis) > REACH * beam.width:
             continue
-        own, r = stream(key, g), np.sqrt(px * px + py * py)
-        S = energy(r, off, seconds, beam)
-        if uniform(own, 0) < detection(S, threshold):
-            z = threshold + (1.0 + S) * exponential(own, 1)
-            spread = np.sqrt(0.5 / z)
-            found[count, 0] = r + beam.range_error * spread * normal(own, 2)
-            found[count, 1] = azimuth + beam.angle_error * spread * normal(own, 3)
-            found[count, 2], found[count, 3] = z, g
+        own = stream(stream(key, g), looks[g])
+        looks[g] += 1
+        if echo_of(own, g, state, scene, axis, look, found[count]) > look.threshold:
             count += 1
     return count
 
 
 @kernel
-def false_alarms(key, axis, low, high, threshold, beam, found, count):
-    """Append false alarms, uniform between two ranges and across the beam, to found[:count]; returns the number."""
-    own, expected, sum_of_gaps, i = stream(key, FALSE), np.exp(-threshold) * (high - low) / beam.range_cell, 0.0, 0
-    while count < len(found):
-        sum_of_gaps += exponential(own, 4 * i)
-        if sum_of_gaps > expected:
+def false_alarms(key, axis, look, beam, found, count):
+    """Append false alarms to found[:count]: uniform in range and range-rate, around the axis; returns the number.
+
+    z of noise beyond the threshold: j of the b exponentials end before T, with a weight of T^j / j!.
+    """
+    own, sum_of_gaps, T = stream(key, FALSE), 0.0, look.threshold
+    expected = look.cells * (beam.farthest - beam.nearest) * exceeds(T, look.bursts)
+    for i in range(len(found)):
+        drawn = stream(own, i)
+        sum_of_gaps += exponential(drawn, 0)
+        if sum_of_gaps > expected or count == len(found):
             break
-        found[count, 0] = low + (high - low) * uniform(own, 4 * i + 1)
-        found[count, 1] = axis + beam.width * (uniform(own, 4 * i + 2) - 0.5)
-        found[count, 2], found[count, 3] = threshold + exponential(own, 4 * i + 3), -1.0
-        count, i = count + 1, i + 1
+        rest, term, before = uniform(drawn, 1) * exceeds(T, look.bursts) * np.exp(T), 1.0, 0
+        while rest > term and before < look.bursts - 1:
+            rest, before = rest - term, before + 1
+            term *= T / before
+        z = T
+        for k in range(look.bursts - before):
+            z += exponential(drawn, 5 + k)
+        found[count, 0] = beam.nearest + (beam.farthest - beam.nearest) * uniform(drawn, 2)
+        found[count, 1] = axis + beam.width * np.sqrt(0.5 / z) / SLOPE * normal(drawn, 3)
+        found[count, 2] = beam.fold * (uniform(drawn, 4) - 0.5)
+        found[count, 3], found[count, 4] = z, -1.0
+        count += 1
     return count
-
-
-@inlined
-def false_density(threshold, beam):
-    """Expected false alarms of a dwell for each metre and radian."""
-    return np.exp(-threshold) / (beam.range_cell * beam.width)
-
-
-@inlined
-def errors(z, beam, variance):
-    """Fill variance (2,) of range and azimuth at the measured power z."""
-    variance[0] = beam.range_error * beam.range_error * 0.5 / z
-    variance[1] = beam.angle_error * beam.angle_error * 0.5 / z

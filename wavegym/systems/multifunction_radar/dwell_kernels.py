@@ -1,12 +1,11 @@
 """Compiled dwells of the multifunction radar: how an update or a search changes tracks and undetected targets.
 
-Shapes: e environments, k slots, s sectors, b range bins, f findings; see ``track_kernels`` and ``beam_kernels``.
-``undetected`` (s, b): the expected number of targets without a track. It is a Poisson intensity: targets move between
-neighbouring cells at the rates of an isotropic flow, and a search reduces their number. Outside the region the
-intensity is that of the whole traffic, so the right number of targets comes in over the edges.
+Shapes: e environments, k slots, m modes, n elements, c classes of cross section, q measured quantities, f findings; see
+``track_kernels``, ``beam_kernels`` and ``area_kernels``.
 
-Dwells read of the truth: the true beam; x (g, n), here (g,); and the seconds since the cell of time began. They write
-origin (k,), the target whose echo a slot has used last (-1: false alarm).
+Dwells read of the truth: the true beam, the flying targets and their classes (g,), the seconds since the cell of time
+began, and the key of echoes. They write origin (k,), the target whose echo a slot has used last (-1: false alarm), and
+looks (g,).
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -16,194 +15,381 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavegym.core.array_kernels import copy_matrix
 from wavegym.core.kernels import inlined, kernel
 from wavegym.core.traits import CONFIRMED
-from wavegym.sensors.platform_kernels import bearing, wrapped
+from wavegym.sensors.platform_kernels import bearing
+from wavegym.systems.multifunction_radar.area_kernels import (
+    Area,
+    axis_of,
+    beam_of,
+    bin_of,
+    middle_of,
+    thin,
+    weight_at,
+)
 from wavegym.systems.multifunction_radar.beam_kernels import (
     REACH,
+    SLOPE,
+    Beam,
     echoes,
-    errors,
     expected_detection,
     false_alarms,
-    false_density,
+    false_offset_density,
+    log_ratio,
+    loss,
+    mean_detection,
+    mean_loss,
+    on_axis,
 )
+from wavegym.systems.multifunction_radar.flight_kernels import Flying
 from wavegym.systems.multifunction_radar.track_kernels import (
+    FOLDS,
     NN,
     PLACE,
+    RANGE,
+    RATE,
+    SINE,
+    STATE,
+    Modes,
     begin_slot,
-    distance_to,
+    correct_slot,
     keep_slot,
     look_at,
     predict_slot,
     spread_at,
-    update_slot,
+    steady,
+    toward_axis,
 )
-from wavegym.trackers.imm_kernels import LOG_2PI
+from wavegym.trackers.imm_kernels import squared_length
 from wavegym.trackers.kernels import gain_one, shrink_one
 
 MOST_FOUND = 32  # detections of a dwell
 WIDEST = 4.0  # trace of the position's covariance, in c0, at which a track is dropped; from 1 on it is not reported
+BESIDE = 1.5 * REACH  # offset up to which a search looks for a track, whose target may be nearer to the axis
+RARE = 0.01  # probability of a class of cross section below which it is left out
+SURE = 1.0 - 1e-6  # greatest probability of detection, so that a miss stays possible
+MOST_WIDENED = 9.0  # greatest ratio of the variances after and before a miss: three standard deviations
+GRID = 40  # steps of a new track's offset over the beam
+GREATEST = 700.0  # logarithm of a likelihood ratio, so that the ratio is finite
 
 
-class Area(NamedTuple):
-    """The region as sectors and range bins, and how undetected targets move in it."""
+class Laws(NamedTuple):
+    """What the tracker assumes."""
 
-    half_sector: float  # rad
-    nearest: float  # m
-    farthest: float  # m
-    beams: int  # of a sector
-    traffic: float  # targets for each square metre without any search
-    radial: float  # flow to the next bin on either side, 1/s
-    lateral: float  # flow to the next sector on either side times the range, m/s
-    dropped: float  # existence below which a track is dropped
-    speed: float  # standard deviation of the velocity of a new track on each axis, m/s
-    priority: float  # weight of the cost of a target at the nearest range; at the farthest it is 1
+    modes: Modes
+    beam: Beam
+    area: Area
+    most: float  # c0, m^2
 
 
-@inlined
-def cell_of(r, azimuth, shape, area):
-    """Sector and bin of a place; the nearest ones for a place outside."""
-    s = int((azimuth + area.half_sector) / (2.0 * area.half_sector) * shape[0])
-    b = int((r - area.nearest) / (area.farthest - area.nearest) * shape[1])
-    return min(max(s, 0), shape[0] - 1), min(max(b, 0), shape[1] - 1)
+class Scene(NamedTuple):
+    """What a dwell reads and writes of the truth."""
+
+    beam: Beam
+    flying: Flying
+    section: np.ndarray  # (g,) class of cross section
+    late: float  # s since the cell began
+    key: np.uint64  # of echoes
+    looks: np.ndarray  # (g,) how often each target has been in the beam
+    origin: np.ndarray  # (k,)
 
 
-@inlined
-def middle_of(b, bins, area):
-    """Range in the middle of a bin, m."""
-    return area.nearest + (b + 0.5) * (area.farthest - area.nearest) / bins
+class Findings(NamedTuple):
+    """What a dwell has found."""
+
+    number: int
+    found: np.ndarray  # (f, 5), see ``beam_kernels``
+    used: np.ndarray  # (f,) bool, by a slot
 
 
-@inlined
-def usual_number(b, shape, area):
-    """Targets in a cell of bin b without any search."""
-    sectors, bins = shape
-    deep = (area.farthest - area.nearest) / bins
-    return area.traffic * deep * middle_of(b, bins, area) * 2.0 * area.half_sector / sectors
+class Prediction(NamedTuple):
+    """A slot at the time of a dwell, and what the dwell expects of it."""
 
-
-@inlined
-def weight_at(r, area):
-    """Weight of the cost of a target at range r: linear in the range."""
-    share = (area.farthest - r) / (area.farthest - area.nearest)
-    return 1.0 + (area.priority - 1.0) * np.minimum(np.maximum(share, 0.0), 1.0)
-
-
-@kernel
-def weighted_number(undetected, area):
-    """Undetected targets (s, b), each with its weight."""
-    if area.priority == 1.0:
-        return undetected.sum()
-    total, bins = 0.0, undetected.shape[1]
-    for b in range(bins):
-        total += weight_at(middle_of(b, bins, area), area) * undetected[:, b].sum()
-    return total
+    x: np.ndarray  # (m, n)
+    P: np.ndarray  # (m, n, n)
+    mu: np.ndarray  # (1, m)
+    mean: np.ndarray  # (1, n) of all modes
+    covariance: np.ndarray  # (1, n, n)
+    h: np.ndarray  # (q,) range, sine of the azimuth and range-rate of the mean
+    H: np.ndarray  # (q, n)
+    S: np.ndarray  # (c,) on the axis
+    pd: np.ndarray  # (c,) probability of detection
 
 
 @kernel
-def drift(undetected, seconds, area, before):
-    """Advance the intensity (s, b) by ``seconds``, much less than the inverse of the rates; before: scratch space."""
-    sectors, bins = undetected.shape
-    copy_matrix(undetected, before)
-    for b in range(bins):
-        lateral, usual = area.lateral / middle_of(b, bins, area), usual_number(b, undetected.shape, area)
-        for s in range(sectors):
-            inner = before[s, b - 1] if b > 0 else usual_number(-1, undetected.shape, area)
-            outer = before[s, b + 1] if b < bins - 1 else usual_number(bins, undetected.shape, area)
-            left = before[s - 1, b] if s > 0 else usual
-            right = before[s + 1, b] if s < sectors - 1 else usual
-            flow = area.radial * (inner + outer) + lateral * (left + right)
-            flow -= 2.0 * (area.radial + lateral) * before[s, b]
-            undetected[s, b] = before[s, b] + seconds * flow
+def predicted(k, time, slots, modes):
+    """Slot k at ``time``; S and pd are not filled."""
+    classes = slots.section.shape[1]
+    made = Prediction(
+        np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2)), np.empty((1, 4)), np.empty((1, 4, 4)), np.empty(3),
+        np.empty((3, 4)), np.empty(classes), np.empty(classes)
+    )  # fmt: skip
+    predict_slot(k, time, slots, modes, made.x, made.P, made.mu, made.mean, made.covariance)
+    look_at(made.mean, 0, made.h, made.H)
+    return made
+
+
+@inlined
+def variance_of(prediction, a):
+    """Predicted variance of a measured quantity."""
+    return gain_one(0, prediction.covariance, prediction.H, a, np.empty(4), NN, STATE)
+
+
+@inlined
+def usable(prediction, beam):
+    """Number of measured quantities that can be used: the range-rate last, if its fold is known."""
+    return 3 if variance_of(prediction, RATE) * FOLDS * FOLDS <= beam.fold * beam.fold else 2
+
+
+@inlined
+def strengths(r, axis, share, look, beam, S):
+    """Fill S (c,) on the axis, of each class at range r; share: the energy kept under acceleration."""
+    unit = share * on_axis(r, axis, look, beam)
+    for c in range(len(S)):
+        S[c] = unit * beam.sections[c]
+
+
+@inlined
+def mean_share(mu, look):
+    """Mean share of the energy kept, of a target whose modes have the probabilities mu (m,)."""
+    return mu[0] * look.kept[0] + mu[1] * look.kept[1]
 
 
 @kernel
-def hit(k, time, slots, modes, prediction, finding, gated, threshold, beam):
-    """Update slot k with a finding (3,): state, and existence by the likelihood against that of a false alarm.
+def share_found(look, laws, out):
+    """Fill out (i, 3, b, c) with the share of the targets in and beside beam i that a search finds; see ``thin``."""
+    area, beam, share = laws.area, laws.beam, mean_share(steady(laws.modes), look)
+    beams, _, bins, classes = out.shape
+    for i in range(beams):
+        axis = axis_of(i, area)
+        for b in range(bins):
+            unit = share * on_axis(middle_of(b, bins, area), axis, look, beam)
+            for n in range(3):
+                if 0 <= i + n - 1 < beams:
+                    low, high = (area.edges[i + n - 1] - axis) / beam.width, (area.edges[i + n] - axis) / beam.width
+                    for c in range(classes):
+                        out[i, n, b, c] = mean_detection(unit * beam.sections[c], low, high, look)
 
-    gated: squared distance of the finding, log det of its innovation, probability of detection, variances (2,).
+
+@kernel
+def expect(prediction, probability, axis, off, spread, look, beam):
+    """Fill S and pd of a prediction; returns the mean probability of detection, and a ratio for a miss.
+
+    The ratio is the mean square distance of the offset from its mean, given a miss, over its variance. probability
+    (c,): of the classes.
     """
-    (x, P, mu), (squared, log_det, pd, variance) = prediction, gated
-    likelihood = np.exp(-0.5 * (squared + log_det) - LOG_2PI) / false_density(threshold, beam)
-    odds = slots.existence[k] * (1.0 - pd + pd * likelihood)
-    slots.existence[k] = odds / (odds + 1.0 - slots.existence[k])
-    update_slot(k, time, slots, modes, x, P, mu, finding[0], finding[1], variance)
+    S, pd, total, square = prediction.S, prediction.pd, 0.0, 0.0
+    strengths(prediction.h[RANGE], axis, mean_share(prediction.mu[0], look), look, beam, S)
+    for c in range(len(S)):
+        pd[c] = 0.0
+        if probability[c] >= RARE:
+            pd[c], part = expected_detection(S[c], off, spread, look)
+            pd[c] = min(pd[c], SURE)
+            total += probability[c] * pd[c]
+            square += probability[c] * part
+    return total, min(max((1.0 - square) / (1.0 - total), 1.0 / MOST_WIDENED), MOST_WIDENED)
+
+
+@inlined
+def errors(z, square, seen, look, beam, variance):
+    """Fill variance (q,) of the measured quantities at the power z.
+
+    square: mean square of the target's offset. seen: S / (1 + S).
+    """
+    half = 0.5 / z
+    variance[RANGE] = beam.range_error * beam.range_error * half
+    scale = beam.width / SLOPE
+    variance[SINE] = scale * scale * half * (1.0 + SLOPE * SLOPE * square * seen)
+    variance[RATE] = look.rate_error * look.rate_error * half
+
+
+@inlined
+def mean_square(off, spread):
+    """Of an offset of known mean and variance, within the beam."""
+    return min(off * off + spread, REACH * REACH)
+
+
+@kernel
+def weigh_classes(z, S, part, probability, look, after):
+    """Bayes's rule of the classes from the power z; part: mean loss of the offset.
+
+    Fills after (c,); returns the log of the density of z over that of a false alarm, and the mean of S / (1 + S).
+    """
+    best, total, seen = -np.inf, 0.0, 0.0
+    for c in range(len(S)):
+        after[c] = log_ratio(z, part * S[c], look)
+        best = max(best, after[c])
+    for c in range(len(S)):
+        after[c] = probability[c] * np.exp(after[c] - best)
+        total += after[c]
+    for c in range(len(S)):
+        after[c] /= total
+        seen += after[c] * part * S[c] / (1.0 + part * S[c])
+    return best + np.log(total), seen
+
+
+@kernel
+def hit(k, time, slots, prediction, finding, pointing, look, laws):
+    """Update slot k with a finding (5,): state, class of cross section, and existence against a false alarm.
+
+    pointing: axis, mean and variance of the offset, and probability of detection.
+    """
+    (axis, off, spread, pd), beam, after = pointing, laws.beam, slots.section[k]
+    z, variance = finding[3], np.empty(3)
+    log_density, seen = weigh_classes(z, prediction.S, mean_loss(off, spread), after.copy(), look, after)
+    errors(z, mean_square(off, spread), seen, look, beam, variance)
+    count, false = usable(prediction, beam), false_offset_density((finding[SINE] - axis) / beam.width, z) / beam.width
+    false *= look.cells / (beam.fold if count == 3 else 1.0)
+    measured = (axis, seen, finding, variance, count, beam.fold)
+    log_density += correct_slot(prediction.x, prediction.P, prediction.mu, measured) - np.log(false)
+    odds = slots.existence[k] * (1.0 - pd + np.exp(min(log_density, GREATEST)))
+    slots.existence[k] = odds / (odds + (1.0 - slots.existence[k]))
+    keep_slot(k, time, slots, laws.modes, prediction.x, prediction.P, prediction.mu)
 
 
 @kernel
 def miss(k, time, slots, modes, prediction, pd, ratio):
-    """A dwell on slot k without a finding: existence falls, and the azimuth spreads, as the beam may have missed it."""
-    x, P, mu = prediction
-    slots.existence[k] *= (1.0 - pd) / (1.0 - slots.existence[k] * pd)
-    h, H, v = np.empty(2), np.empty((2, 4)), np.empty(4)
+    """A dwell on slot k without a finding: existence falls, and the azimuth spreads, as the beam may have missed it.
+
+    The classes that would have been seen become less probable. pd, ratio: of ``expect``.
+    """
+    x, P, mu = prediction.x, prediction.P, prediction.mu
+    none = 1.0 - slots.existence[k]
+    slots.existence[k] = 1.0 - none / (none + slots.existence[k] * (1.0 - pd))
+    for c in range(slots.section.shape[1]):
+        slots.section[k, c] *= (1.0 - prediction.pd[c]) / (1.0 - pd)
+    h, H, v = np.empty(3), np.empty((3, 4)), np.empty(4)
     for j in range(2):
         look_at(x, j, h, H)
-        s = gain_one(j, P, H, 1, v, NN, PLACE)
+        s = gain_one(j, P, H, SINE, v, NN, PLACE)
         shrink_one(j, P, v, s / (1.0 - ratio) if ratio != 1.0 else np.inf, NN)
     keep_slot(k, time, slots, modes, x, P, mu)
 
 
 @kernel
-def look_for(k, time, slots, pointing, seconds, threshold, modes, beam, findings):
-    """Use the nearest finding in slot k's gate that no other slot has used, if the beam covers it; -1 for none.
-
-    pointing: the beam's axis. findings: their number, the findings (f, 4), and which are used (f,).
-    """
-    x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
-    mean, covariance = np.empty((1, 4)), np.empty((1, 4, 4))
-    h, H, v, variance = np.empty(2), np.empty((2, 4)), np.empty(4), np.empty(2)
-    count, found, used = findings
-    predict_slot(k, time, slots, modes, x, P, mu, mean, covariance)
-    look_at(mean, 0, h, H)
-    across = gain_one(0, covariance, H, 1, v, NN, PLACE)
-    pd, ratio = expected_detection(h[0], wrapped(h[1] - pointing), across, seconds, threshold, beam)
-    best, least, log_det = -1, beam.gate, 0.0
-    for f in range(count):
-        if not used[f]:
-            errors(found[f, 2], beam, variance)
-            squared, log_determinant = distance_to(mean, covariance, found[f, 0], found[f, 1], variance, h, H)
-            if squared < least:
-                best, least, log_det = f, squared, log_determinant
-    if best < 0:
-        miss(k, time, slots, modes, (x, P, mu), pd, ratio)
-        return best
-    used[best] = True
-    errors(found[best, 2], beam, variance)
-    hit(k, time, slots, modes, (x, P, mu), found[best], (least, log_det, pd, variance), threshold, beam)
-    return best
+def distance_to(prediction, finding, axis, seen, variance):
+    """Squared Mahalanobis distance of a finding's range and sine from a prediction."""
+    h, H, P, v = prediction.h.copy(), prediction.H.copy(), prediction.covariance, np.empty(4)
+    toward_axis(h, H, axis, seen)
+    s11 = gain_one(0, P, H, SINE, v, NN, PLACE) + variance[SINE]
+    s01 = H[RANGE, 0] * v[0] + H[RANGE, 2] * v[2]
+    s00 = gain_one(0, P, H, RANGE, v, NN, PLACE) + variance[RANGE]
+    return squared_length(finding[RANGE] - h[RANGE], finding[SINE] - h[SINE], s00, s01, s11)[0]
 
 
 @kernel
-def azimuth_of(k, time, slots):
-    """Azimuth at which slot k is predicted, and its range; modes fly straight on."""
+def look_for(k, time, slots, axis, look, laws, findings):
+    """Use the nearest finding in slot k's gate that no other slot has used, if the beam covers it; -1 for none."""
+    beam, section = laws.beam, slots.section[k]
+    prediction, variance, after = predicted(k, time, slots, laws.modes), np.empty(3), np.empty(len(section))
+    off = (prediction.h[SINE] - axis) / beam.width
+    spread = variance_of(prediction, SINE) / (beam.width * beam.width)
+    pd, ratio = expect(prediction, section, axis, off, spread, look, beam)
+    best, least = -1, beam.gate
+    for f in range(findings.number):
+        if findings.used[f]:
+            continue
+        finding = findings.found[f]
+        _, seen = weigh_classes(finding[3], prediction.S, mean_loss(off, spread), section, look, after)
+        errors(finding[3], mean_square(off, spread), seen, look, beam, variance)
+        squared = distance_to(prediction, finding, axis, seen, variance)
+        if squared < least:
+            best, least = f, squared
+    if best < 0:
+        miss(k, time, slots, laws.modes, prediction, pd, ratio)
+        return best
+    findings.used[best] = True
+    hit(k, time, slots, prediction, findings.found[best], (axis, off, spread, pd), look, laws)
+    return best
+
+
+@inlined
+def flown(k, time, slots):
+    """Place at which slot k is predicted; modes fly straight on."""
     px, py, seconds = 0.0, 0.0, time - slots.time[k]
     for j in range(2):
         px += slots.probability[k, j] * (slots.mean[k, j, 0] + seconds * slots.mean[k, j, 1])
         py += slots.probability[k, j] * (slots.mean[k, j, 2] + seconds * slots.mean[k, j, 3])
+    return px, py
+
+
+@inlined
+def azimuth_of(k, time, slots):
+    """Azimuth at which slot k is predicted, and its range."""
+    px, py = flown(k, time, slots)
     return bearing(px, py), np.sqrt(px * px + py * py)
 
 
-@kernel
-def begin_tracks(time, slots, findings, undetected, origin, covers, laws):
-    """Begin a track in a free slot for every finding that no slot has used, while there are free slots.
+@inlined
+def sine_of(k, time, slots):
+    """Sine of the azimuth at which slot k is predicted."""
+    px, py = flown(k, time, slots)
+    return px / np.sqrt(px * px + py * py)
 
-    Its existence weighs the undetected targets expected there against false alarms. covers: see ``search``.
+
+@kernel
+def begin_track(k, time, slots, finding, i, undetected, look, laws):
+    """Begin a track in slot k by Bayes's rule, from the undetected targets in and beside beam i.
+
+    A grid over the offset and the classes, against a false alarm.
     """
-    (count, found, used), variance, k = findings, np.empty(2), 0
-    threshold, modes, beam, area = laws
-    width = (area.farthest - area.nearest) / undetected.shape[1]
-    for f in range(count):
+    beam, area, z, axis = laws.beam, laws.area, finding[3], axis_of(i, laws.area)
+    classes, b = undetected.shape[2], bin_of(finding[RANGE], undetected.shape[1], area)
+    deep = (area.farthest - area.nearest) / undetected.shape[1]
+    measured, step = (finding[SINE] - axis) / beam.width, 2.0 * REACH / GRID
+    S, log_weight = np.empty(classes), np.full((GRID + 1, classes), -np.inf)
+    strengths(finding[RANGE], axis, mean_share(steady(laws.modes), look), look, beam, S)
+    for n in range(GRID + 1):
+        off = n * step - REACH
+        near = beam_of(axis + off * beam.width, area)
+        share = step * beam.width / (area.edges[near + 1] - area.edges[near]) / deep
+        for c in range(classes):
+            here = S[c] * loss(off)
+            seen = here / (1.0 + here)
+            variance = (1.0 + SLOPE * SLOPE * off * off * seen) * 0.5 / (z * SLOPE * SLOPE)
+            apart = measured - off * seen
+            if undetected[near, b, c] > 0.0:
+                log_weight[n, c] = np.log(undetected[near, b, c] * share) + log_ratio(z, here, look)
+                log_weight[n, c] -= 0.5 * (apart * apart / variance + np.log(2.0 * np.pi * variance))
+    false = np.log(look.cells * false_offset_density(measured, z))
+    settle_track(k, time, slots, finding, axis, log_weight, false, look, laws)
+
+
+@kernel
+def settle_track(k, time, slots, finding, axis, log_weight, false, look, laws):
+    """Begin slot k with the moments of the posterior over offsets and classes, log_weight (n, c).
+
+    false: the logarithm of the weight of a false alarm.
+    """
+    beam, z = laws.beam, finding[3]
+    best = max(log_weight.max(), false)
+    weight, offs = np.exp(log_weight - best), np.linspace(-REACH, REACH, GRID + 1)
+    total = weight.sum()
+    if total == 0.0:
+        return
+    slots.existence[k] = total / (total + np.exp(false - best))
+    for c in range(weight.shape[1]):
+        slots.section[k, c] = weight[:, c].sum() / total
+    share = weight.sum(axis=1) / total
+    mean = (share * offs).sum()
+    spread = (share * np.square(offs - mean)).sum() + np.square(2.0 * REACH / GRID) / 12.0
+    variance = np.empty(3)
+    errors(z, 0.0, 0.0, look, beam, variance)
+    variance[SINE] = spread * beam.width * beam.width
+    begin_slot(k, time, slots, laws.modes, finding[RANGE], axis + mean * beam.width, variance, laws.area.speed)
+
+
+@kernel
+def begin_tracks(time, slots, findings, i, undetected, origin, look, laws):
+    """Begin a track in a free slot for every finding of beam i that no slot has used, while there are free slots."""
+    k = 0
+    for f in range(findings.number):
         while k < len(slots.existence) and slots.existence[k] > 0.0:
             k += 1
-        if used[f] or k == len(slots.existence):
+        if findings.used[f] or k == len(slots.existence):
             continue
-        s, b = cell_of(found[f, 0], found[f, 1], undetected.shape, area)
-        expected = undetected[s, b] / area.beams * covers[b] / (width * beam.width)
-        errors(found[f, 2], beam, variance)
-        begin_slot(k, time, slots, modes, found[f, 0], found[f, 1], variance, area.speed)
-        slots.existence[k] = expected / (expected + false_density(threshold, beam))
-        origin[k] = found[f, 3]
+        begin_track(k, time, slots, findings.found[f], i, undetected, look, laws)
+        origin[k] = int(findings.found[f, 4])
 
 
 @kernel
@@ -220,8 +406,9 @@ def drop_tracks(time, slots, undetected, modes, most, area):
         xx, _, yy = spread_at(slots.moments[k], modes, time - slots.time[k])
         if slots.existence[k] < area.dropped or xx + yy > WIDEST * most or not inside:
             if inside:
-                s, b = cell_of(r, azimuth, undetected.shape, area)
-                undetected[s, b] += slots.existence[k]
+                i, b = beam_of(np.sin(azimuth), area), bin_of(r, undetected.shape[1], area)
+                for c in range(undetected.shape[2]):
+                    undetected[i, b, c] += slots.existence[k] * slots.section[k, c]
             slots.existence[k] = 0.0
 
 
@@ -266,51 +453,36 @@ def mean_rates(start, seconds, slots, modes, most, area):
 
 
 @kernel
-def sense(key, truth, axis, seconds, threshold):
-    """A dwell's findings: their number, the echoes and false alarms (f, 4), and flags (f,): used by a slot."""
-    found, (beam, x, here, late, _) = np.empty((MOST_FOUND, 4)), truth
-    count = echoes(key, x, here, late, axis, seconds, threshold, beam, found)
-    count = false_alarms(key, axis, beam.nearest, beam.farthest, threshold, beam, found, count)
-    return count, found, np.zeros(MOST_FOUND, np.bool_)
-
-
-@inlined
-def axis_of(sector, turn, sectors, area):
-    """Azimuth of a sector's beam number ``turn``."""
-    return -area.half_sector + (sector + (turn + 0.5) / area.beams) * 2.0 * area.half_sector / sectors
-
-
-@inlined
-def thin(undetected, covers, area):
-    """Subtract what a search with their sector's next beam finds from the undetected targets (b,)."""
-    for b in range(len(undetected)):
-        undetected[b] *= max(1.0 - covers[b] / area.beams, 0.0)
+def sense(key, scene, axis, look):
+    """A dwell's findings."""
+    found = np.empty((MOST_FOUND, 5))
+    count = echoes(scene.key, scene.looks, (scene.beam, scene.flying, scene.section), scene.late, axis, look, found)
+    count = false_alarms(key, axis, look, scene.beam, found, count)
+    return Findings(count, found, np.zeros(MOST_FOUND, np.bool_))
 
 
 @kernel
-def search(time, slots, sector, turn, undetected, truth, key, seconds, covers, laws):
-    """Search one beam of a sector: tracks in the beam are updated or missed, other findings begin tracks.
+def search(time, slots, i, undetected, scene, key, look, covers, laws):
+    """Search with beam i: tracks in the beam are updated or missed, other findings begin tracks.
 
-    covers (b,): ``coverage`` of the beam in each bin.
+    key: of false alarms. covers (3, b, c): see ``thin``.
     """
-    threshold, modes, beam, area = laws
-    axis, origin = axis_of(sector, turn, len(undetected), area), truth[4]
-    findings = sense(key, truth, axis, seconds, threshold)
+    axis, beam = axis_of(i, laws.area), laws.beam
+    findings = sense(key, scene, axis, look)
     for k in range(len(slots.existence)):
-        if slots.existence[k] > 0.0 and abs(wrapped(azimuth_of(k, time, slots)[0] - axis)) <= REACH * beam.width:
-            used = look_for(k, time, slots, axis, seconds, threshold, modes, beam, findings)
+        if slots.existence[k] > 0.0 and abs(sine_of(k, time, slots) - axis) <= BESIDE * beam.width:
+            used = look_for(k, time, slots, axis, look, laws, findings)
             if used >= 0:
-                origin[k] = findings[1][used, 3]
-    begin_tracks(time, slots, findings, undetected, origin, covers, laws)
-    thin(undetected[sector], covers, area)
+                scene.origin[k] = int(findings.found[used, 4])
+    begin_tracks(time, slots, findings, i, undetected, scene.origin, look, laws)
+    thin(undetected, i, covers)
 
 
 @kernel
-def update(time, slots, k, truth, key, seconds, laws):
+def update(time, slots, k, scene, key, look, laws):
     """Point the beam at track k and look for it."""
-    threshold, modes, beam, _ = laws
-    axis, origin = azimuth_of(k, time, slots)[0], truth[4]
-    findings = sense(key, truth, axis, seconds, threshold)
-    used = look_for(k, time, slots, axis, seconds, threshold, modes, beam, findings)
+    axis = sine_of(k, time, slots)
+    findings = sense(key, scene, axis, look)
+    used = look_for(k, time, slots, axis, look, laws, findings)
     if used >= 0:
-        origin[k] = findings[1][used, 3]
+        scene.origin[k] = int(findings.found[used, 4])

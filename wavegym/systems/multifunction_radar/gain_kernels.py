@@ -14,24 +14,33 @@ from wavegym.core.array_kernels import copy_matrices
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
 from wavegym.core.traits import CONFIRMED
-from wavegym.systems.multifunction_radar.beam_kernels import energy, errors, expected_detection, mean_inverse_power
+from wavegym.systems.multifunction_radar.area_kernels import expected_to_find, next_beam, next_turn, thin, weight_at
 from wavegym.systems.multifunction_radar.dwell_kernels import (
     drop_tracks,
-    middle_of,
+    errors,
+    expect,
+    mean_square,
+    predicted,
     rate_of_slot,
     reported_cost,
-    thin,
-    weight_at,
+    usable,
+    variance_of,
 )
 from wavegym.systems.multifunction_radar.step_kernels import (
+    BEFORE,
     SEARCH,
     UPDATE,
     chosen,
+    dwell,
+    fly_to,
     foresee_update,
+    look_of,
+    mean_strength,
     pass_time,
     slots_of,
+    typical_power,
 )
-from wavegym.systems.multifunction_radar.track_kernels import NN, PLACE, growth_of_position, look_at, predict_slot
+from wavegym.systems.multifunction_radar.track_kernels import NN, RANGE, SINE, STATE, growth_of_position
 from wavegym.trackers.kernels import gain_one, shrink_one
 
 TINY = 1e-12  # least gain, so that its logarithm is finite
@@ -50,70 +59,63 @@ def cost_of_window(e, P, q, ahead, modes, most):
 
 
 @kernel
-def gains_of_slot(k, time, slots, menu, actions, ahead, threshold, laws, out):
-    """Fill out (action, h) with the worth of the updates ``actions`` = (first, last) of slot k; ahead (h,) in s."""
-    modes, beam, area, most = laws
-    _, _, seconds, duration, _ = menu
-    x, P, mu = np.empty((2, 4)), np.empty((2, 4, 4)), np.empty((1, 2))
-    mean, covariance, after = np.empty((1, 4)), np.empty((1, 4, 4)), np.empty((1, 4, 4))
-    h, H, v, variance = np.empty(2), np.empty((2, 4)), np.empty(4), np.empty(2)
-    e = slots.existence[k]
+def gains_of_slot(k, time, slots, menu, actions, ahead, laws, out):
+    """Fill out (action, h) with the worth of the updates ``actions`` = (first, last) of slot k; ahead (h,) in s.
+
+    All are predicted at the mean of their ends, as a track changes little in the time of a dwell.
+    """
+    modes, beam, most, e, section = laws.modes, laws.beam, laws.most, slots.existence[k], slots.section[k]
+    after, v, variance = np.empty((1, 4, 4)), np.empty(4), np.empty(3)
+    made = predicted(k, time + menu.duration[actions[0] : actions[1]].mean(), slots, modes)
+    axis, q = made.h[SINE], made.mu[0, 0] * modes.density[0] + made.mu[0, 1] * modes.density[1]
+    spread, count, H = variance_of(made, SINE) / (beam.width * beam.width), usable(made, beam), made.H.copy()
     for a in range(actions[0], actions[1]):
-        predict_slot(k, time + duration[a], slots, modes, x, P, mu, mean, covariance)
-        look_at(mean, 0, h, H)
-        q = mu[0, 0] * modes.density[0] + mu[0, 1] * modes.density[1]
-        across = gain_one(0, covariance, H, 1, v, NN, PLACE)
-        pd, _ = expected_detection(h[0], 0.0, across, seconds[a], threshold, beam)
-        S = energy(h[0], 0.0, seconds[a], beam)
-        errors(1.0 / mean_inverse_power(S, threshold), beam, variance)
-        copy_matrices(covariance, after)
-        for j in range(2):
-            s = gain_one(0, after, H, j, v, NN, PLACE) + variance[j]
+        look = look_of(a, menu)
+        pd, _ = expect(made, section, axis, 0.0, spread, look, beam)
+        S = mean_strength(made, section)
+        seen = S / (1.0 + S)
+        errors(typical_power(made, section, look), mean_square(0.0, spread), seen, look, beam, variance)
+        H[SINE] = seen * made.H[SINE]
+        copy_matrices(made.covariance, after)
+        for j in range(count):
+            s = gain_one(0, after, H, j, v, NN, STATE) + variance[j]
             shrink_one(0, after, v, s, NN)
         chance = e * pd
         missed = (e - chance) / (1.0 - chance)
         for n in range(len(ahead)):
-            now = cost_of_window(e, covariance, q, ahead[n], modes, most)
+            now = cost_of_window(e, made.covariance, q, ahead[n], modes, most)
             hit = cost_of_window(1.0, after, q, ahead[n], modes, most)
-            miss = cost_of_window(missed, covariance, q, ahead[n], modes, most)
-            out[a, n] = weight_at(h[0], area) * (now - chance * hit - (1.0 - chance) * miss)
-
-
-@inlined
-def expected_to_find(undetected, covers, area):
-    """Undetected targets (b,) that a search with their sector's next beam finds, each with its weight."""
-    total, bins = 0.0, len(undetected)
-    for b in range(bins):
-        total += weight_at(middle_of(b, bins, area), area) * undetected[b] * min(covers[b] / area.beams, 1.0)
-    return total
+            miss = cost_of_window(missed, made.covariance, q, ahead[n], modes, most)
+            out[a, n] = weight_at(made.h[RANGE], laws.area) * (now - chance * hit - (1.0 - chance) * miss)
 
 
 @kernel
-def gains_of_row(e, batch, menu, thresholds, laws, ahead, worth, out):
+def gains_of_row(e, batch, menu, laws, ahead, worth, out):
     """Fill out (action, h) with the worth of every dwell of environment e over its duration; see ``gains``."""
-    kind, which, _, duration, covers = menu
-    area, most = laws[2], laws[3]
+    kind, which = menu.kind, menu.which
     slots, a, each = slots_of(e, batch), 0, 0
     while kind[each] == UPDATE and which[each] == 0:
         each += 1
     out[:] = 0.0
     while kind[a] == UPDATE:
         if slots.existence[which[a]] > 0.0:
-            gains_of_slot(which[a], batch.time[e], slots, menu, (a, a + each), ahead, thresholds[0], laws, out)
+            gains_of_slot(which[a], batch.time[e], slots, menu, (a, a + each), ahead, laws, out)
         a += each
     while kind[a] == SEARCH:
-        out[a, :] = worth * most * expected_to_find(batch.undetected[e, which[a]], covers[a], area)
+        i = next_beam(which[a], batch.turn[e, which[a]], laws.area)
+        covers = menu.covers[menu.train[a], i]
+        out[a, :] = worth * laws.most * expected_to_find(batch.undetected[e], i, covers, laws.area)
         a += 1
     for a in range(len(kind)):
-        out[a] /= duration[a]
+        out[a] /= menu.duration[a]
 
 
 @kernel
-def scores_of_row(e, batch, menu, thresholds, laws, rule, out):
+def scores_of_row(e, batch, menu, laws, rule, out):
     """Fill out (action,) with the score of every dwell of environment e; see ``DwellRule``."""
-    kind, which, _, duration, _ = menu
+    kind, which, duration = menu.kind, menu.which, menu.duration
     gain, existence, tracks = np.empty((len(kind), 2)), batch.existence[e], 0
-    gains_of_row(e, batch, menu, thresholds, laws, np.array([rule.ahead, rule.later]), rule.worth, gain)
+    gains_of_row(e, batch, menu, laws, np.array([rule.ahead, rule.later]), rule.worth, gain)
     for k in range(len(existence)):
         tracks += existence[k] > 0.0
     for a in range(len(kind)):
@@ -127,26 +129,26 @@ def scores_of_row(e, batch, menu, thresholds, laws, rule, out):
 
 
 @kernel
-def scores(batch, menu, thresholds, laws, rule, out):
+def scores(batch, menu, laws, rule, out):
     """``scores_of_row`` of every environment; out (e, action)."""
     for e in range(len(batch.time)):
-        scores_of_row(e, batch, menu, thresholds, laws, rule, out[e])
+        scores_of_row(e, batch, menu, laws, rule, out[e])
 
 
 @kernel
-def gains(batch, menu, thresholds, laws, ahead, worth, out):
+def gains(batch, menu, laws, ahead, worth, out):
     """Fill out (e, action, h) with the worth of every dwell over its duration; 0 for updates of free slots and waits.
 
     ahead (h,): seconds that count after an update. worth: that of a target found by a search, in c0 seconds.
     """
     for e in range(len(batch.time)):
-        gains_of_row(e, batch, menu, thresholds, laws, ahead, worth, out[e])
+        gains_of_row(e, batch, menu, laws, ahead, worth, out[e])
 
 
 @inlined
 def greatest(scores, existence, menu):
     """The allowed action with the greatest score (action,); the first if several are equal."""
-    kind, which = menu[0], menu[1]
+    kind, which = menu.kind, menu.which
     best, most = len(kind) - 1, -np.inf
     for a in range(len(kind)):
         if scores[a] > most and (kind[a] != UPDATE or existence[which[a]] > 0.0):
@@ -155,12 +157,33 @@ def greatest(scores, existence, menu):
 
 
 @kernel
+def settle(real, batch, menu, laws, rule):
+    """Let the rule choose the dwells until the time is 0; then no dwell has been counted.
+
+    The last dwell that would end later is a rest.
+    """
+    scratch, score = np.empty_like(batch.undetected[0]), np.empty(len(menu.kind))
+    for e in range(len(batch.time)):
+        while batch.time[e] < 0.0:
+            scores_of_row(e, batch, menu, laws, rule, score)
+            action = greatest(score, batch.existence[e], menu)
+            if batch.time[e] + menu.duration[action] > 0.0:
+                pass_time(e, batch, -batch.time[e], laws, scratch)
+                batch.time[e] = 0.0
+                fly_to(e, 0.0, real)
+                break
+            key = stream(stream(real.keys[e], BEFORE), batch.step[e])
+            dwell(e, action, key, real, batch, menu, laws, scratch)
+        batch.step[e], batch.duration[e], batch.spent[e] = 0, 0.0, 0.0
+
+
+@kernel
 def cost_to_come(time, slots, rule, laws):
     """Cost of the tracks in the seconds that the rule looks ahead, without any dwell.
 
     A tentative track is weighted with the rule's factor.
     """
-    modes, _, area, most = laws
+    modes, area, most = laws.modes, laws.area, laws.most
     total = 0.0
     for k in range(len(slots.existence)):
         if slots.existence[k] > 0.0:
@@ -173,30 +196,31 @@ def cost_to_come(time, slots, rule, laws):
 
 
 @kernel
-def simulate_dwell(e, batch, action, keys, updates, end, worth, menu, thresholds, laws):
+def simulate_dwell(e, batch, action, keys, updates, end, worth, menu, laws):
     """Simulate one dwell; returns its cost minus what it earns. updates (k,): earlier updates of each slot."""
-    modes, beam, area, most = laws
-    slots, undetected = slots_of(e, batch), batch.undetected[e]
-    dwell = chosen(action, batch.existence[e], menu)
-    pass_time(e, batch, dwell, modes, area, most, np.empty_like(undetected))
+    most, slots, undetected = laws.most, slots_of(e, batch), batch.undetected[e]
+    action = chosen(action, batch.existence[e], menu)
+    which = menu.which[action]
+    pass_time(e, batch, menu.duration[action], laws, np.empty_like(undetected))
     time, value = batch.time[e], batch.spent[e].sum()
-    if dwell.kind == UPDATE:
-        own = stream(stream(keys[e], dwell.which), updates[dwell.which])
-        updates[dwell.which] += 1
+    if menu.kind[action] == UPDATE:
+        own = stream(stream(keys[e], which), updates[which])
+        updates[which] += 1
         draws = np.array([uniform(own, 0), uniform(own, 1)])
-        law = (thresholds[0], modes, beam, area)
-        foresee_update(dwell.which, time, slots, dwell.seconds, draws, law)
-    elif dwell.kind == SEARCH:
-        covers = menu[4][action]
-        found = expected_to_find(undetected[dwell.which], covers, area)
+        foresee_update(which, time, slots, look_of(action, menu), draws, laws)
+    elif menu.kind[action] == SEARCH:
+        i = next_beam(which, batch.turn[e, which], laws.area)
+        covers = menu.covers[menu.train[action], i]
+        found = expected_to_find(undetected, i, covers, laws.area)
         value += found * most * (max(end - time, 0.0) - worth)
-        thin(undetected[dwell.which], covers, area)
-    drop_tracks(time, slots, undetected, modes, most, area)
+        thin(undetected, i, covers)
+        batch.turn[e, which] = next_turn(which, batch.turn[e, which], laws.area)
+    drop_tracks(time, slots, undetected, laws.modes, most, laws.area)
     return value
 
 
 @kernel
-def simulate(batch, first, keys, seconds, menu, thresholds, laws, rule, value):
+def simulate(batch, first, keys, seconds, menu, laws, rule, value):
     """Add the cost of the next ``seconds``, after the actions ``first`` (e,), and the cost to come to value (e,).
 
     A search in a simulated future finds the expected number of targets, not single ones. This number is subtracted from
@@ -206,16 +230,16 @@ def simulate(batch, first, keys, seconds, menu, thresholds, laws, rule, value):
     the last dwell only the part before the end of the future counts, in its cost and in its effect. Otherwise futures
     would differ by a whole dwell.
     """
-    scores, duration = np.empty(len(menu[0])), menu[3]
+    scores, duration = np.empty(len(menu.kind)), menu.duration
     for e in range(len(first)):
         action, end, updates = first[e], batch.time[e] + seconds, np.zeros(batch.existence.shape[1], np.int64)
         slots = slots_of(e, batch)
         worth = rule.worth * np.exp(rule.load * np.log1p(float((slots.existence > 0.0).sum())))
         while batch.time[e] + duration[action] < end:
-            value[e] += simulate_dwell(e, batch, action, keys, updates, end, worth, menu, thresholds, laws)
-            scores_of_row(e, batch, menu, thresholds, laws, rule, scores)
+            value[e] += simulate_dwell(e, batch, action, keys, updates, end, worth, menu, laws)
+            scores_of_row(e, batch, menu, laws, rule, scores)
             action = greatest(scores, batch.existence[e], menu)
         share, before = (end - batch.time[e]) / duration[action], cost_to_come(batch.time[e], slots, rule, laws)
-        last = simulate_dwell(e, batch, action, keys, updates, end, worth, menu, thresholds, laws)
+        last = simulate_dwell(e, batch, action, keys, updates, end, worth, menu, laws)
         last += cost_to_come(batch.time[e], slots, rule, laws)
         value[e] += share * last + (1.0 - share) * before

@@ -11,8 +11,8 @@ from wavegym.core.system import State
 from wavegym.core.traits import CONFIRMED
 from wavegym.rendering.maps import CROSS, KILO, direction, ellipse, fill, sector, to_scale
 from wavegym.rendering.panels import Moment, caption, few_ticks, legend, wipe
-from wavegym.systems.multifunction_radar.dwell_kernels import axis_of
-from wavegym.systems.multifunction_radar.state import estimates
+from wavegym.systems.multifunction_radar.area_kernels import axis_of, next_beam
+from wavegym.systems.multifunction_radar.state import estimates, states_now
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
@@ -55,7 +55,7 @@ class RegionScene:
         wipe(self._shares)
         now, region = moment.states[-1], self._cell(0.0, 1.0, 0.0, 1.0)
         to_scale(self._map, np.concatenate([region, np.zeros((2, 1))], axis=1))
-        self._draw_undetected(now.belief.undetected[0])
+        self._draw_undetected(self.system.by_sector(now.belief.undetected[0].sum(axis=-1)))
         self._map.plot(*region, **EDGE)
         if moment.actions:
             self._draw_beam(moment)
@@ -72,9 +72,9 @@ class RegionScene:
 
     def _draw_undetected(self, undetected: Array) -> None:
         sectors, bins = undetected.shape
-        usual = self.system.usual_numbers
+        usual = self.system.by_sector(self.system.usual_numbers)
         for (s, b), number in np.ndenumerate(undetected):
-            opacity = DARKEST * float(np.clip(number / usual[b] if usual[b] > 0.0 else 0.0, 0.0, 2.0))
+            opacity = DARKEST * float(np.clip(number / usual[s, b] if usual[s, b] > 0.0 else 0.0, 0.0, 2.0))
             if opacity > 0.01:
                 cell = self._cell(s / sectors, (s + 1) / sectors, b / bins, (b + 1) / bins)
                 fill(self._map, cell, alpha=opacity, **SHADE)
@@ -82,21 +82,22 @@ class RegionScene:
     def _draw_beam(self, moment: Moment) -> None:
         """The beam of the last dwell."""
         system, before, after = self.system, moment.states[-2].belief, moment.states[-1]
-        kind, which = (int(column[int(moment.actions[-1][0])]) for column in system.menu[:2])
+        kind, which = (int(column[int(moment.actions[-1][0])]) for column in (system.menu.kind, system.menu.which))
         if kind == SEARCH:
-            axis = axis_of(which, int(before.turn[0, which]), system.sectors, system.area)
+            axis = axis_of(next_beam(which, int(before.turn[0, which]), system.area), system.area)
         elif kind == UPDATE and not after.truth.replaced[0]:
             mean = estimates(before._replace(time=after.belief.time), system.modes).mean[0, which]
-            axis = np.arctan2(mean[0], mean[2])
+            axis = mean[0] / np.hypot(mean[0], mean[2])
         else:
             return
-        fill(self._map, sector(self._map, np.zeros(2), axis, 0.5 * system.beam.width), **BEAM)
+        azimuth = np.arcsin(axis)
+        half = 0.5 * system.beam.width / np.cos(azimuth)  # the beam is of constant width in the sine
+        fill(self._map, sector(self._map, np.zeros(2), azimuth, half), **BEAM)
 
     def _draw_tracks(self, now: State) -> None:
         truth, belief = now
-        late = float(belief.time[0]) - float(truth.cell[0]) * self.system.cell
-        x = truth.state[0][truth.here[0]]
-        self._map.plot(*(KILO * (x[:, [0, 2]] + late * x[:, [1, 3]])).T, **CROSS)
+        x = states_now(truth, belief.time - truth.cell * self.system.cell)[0][truth.here[0]]
+        self._map.plot(*(KILO * x[:, [0, 2]]).T, **CROSS)
         made = estimates(belief, self.system.modes)
         for k in np.flatnonzero(belief.existence[0] > 0.0).tolist():
             outline = ellipse(made.covariance[0, k][np.ix_([0, 2], [0, 2])], 5.0) + made.mean[0, k, [0, 2], None]
@@ -106,7 +107,7 @@ class RegionScene:
         """Shares of updates and of searches in the time so far."""
         if not moment.actions:
             return
-        kind = self.system.menu[0][np.concatenate(moment.actions)]
+        kind = self.system.menu.kind[np.concatenate(moment.actions)]
         time = np.array([state.belief.time[0] for state in moment.states[1:]])
         duration = np.array([state.belief.duration[0] for state in moment.states[1:]])
         for _, wanted, shade in SPENT:

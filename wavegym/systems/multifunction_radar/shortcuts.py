@@ -28,7 +28,7 @@ def gain_per_second(system: MultifunctionRadar, belief: Belief, ahead: ArrayLike
     """
     aheads = np.atleast_1d(np.asarray(ahead, np.float64))
     out = np.empty((len(belief.step), len(system.actions), len(aheads)))
-    gain_kernels.gains(belief, system.menu, system.thresholds, system.laws, aheads, worth, out)
+    gain_kernels.gains(belief, system.menu, system.laws, aheads, worth, out)
     return out if np.ndim(ahead) else out[..., 0]
 
 
@@ -36,7 +36,7 @@ def gain_per_second(system: MultifunctionRadar, belief: Belief, ahead: ArrayLike
 def scores(system: MultifunctionRadar, belief: Belief, rule: DwellRule) -> Array:
     """By gains in m^2."""
     out = np.empty((len(belief.step), len(system.actions)))
-    gain_kernels.scores(belief, system.menu, system.thresholds, system.laws, rule, out)
+    gain_kernels.scores(belief, system.menu, system.laws, rule, out)
     return out
 
 
@@ -51,7 +51,7 @@ def simulate(
     keys = (belief.step[:, None] * futures + np.arange(futures)).astype(np.uint64)
     keys = keys.repeat(count, axis=0).reshape(-1)
     value = np.zeros(len(first))
-    gain_kernels.simulate(rows, first, keys, seconds, system.menu, system.thresholds, system.laws, rule, value)
+    gain_kernels.simulate(rows, first, keys, seconds, system.menu, system.laws, rule, value)
     mean: Array = value.reshape(envs, count, futures).mean(axis=2)
     return mean
 
@@ -67,4 +67,4 @@ def resting_cost(system: MultifunctionRadar, belief: Belief, seconds: float) -> 
 @shortcuts.constants.register(MultifunctionRadar)
 def constants(system: MultifunctionRadar) -> Array:
     """Searches of any sector and the wait: the actions that are always allowed."""
-    return np.arange(system.slots * len(system.pulses), len(system.actions))
+    return np.arange(system.slots * system.dwells.each, len(system.actions))

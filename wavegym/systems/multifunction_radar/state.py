@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -11,8 +11,10 @@ from scipy.optimize import linear_sum_assignment
 from wavegym.core.arrays import Array
 from wavegym.core.track_loss import is_astray, steps_astray
 from wavegym.core.traits import CONFIRMED
-from wavegym.systems.multifunction_radar.dwell_kernels import Area, weight_at
-from wavegym.systems.multifunction_radar.step_kernels import Flight, estimate_slots
+from wavegym.systems.multifunction_radar.area_kernels import Area, weight_at
+from wavegym.systems.multifunction_radar.dwell_kernels import Laws
+from wavegym.systems.multifunction_radar.flight_kernels import Flight, Flying
+from wavegym.systems.multifunction_radar.step_kernels import estimate_slots
 from wavegym.systems.multifunction_radar.track_kernels import Modes
 
 
@@ -20,7 +22,7 @@ class World(NamedTuple):
     """All random numbers of an episode."""
 
     key: Array  # (env,) uint64: of manoeuvres and of dwells
-    draw: Array  # (env, target, 7) uniform: gap between arrivals, place (2), heading, speed, mode, whether it is known
+    draw: Array  # (env, target, 8) uniform: gap of arrivals, place (2), heading, speed, mode, known or not, section
     error: Array  # (env, target, 4) standard normal: of the first estimates
 
 
@@ -28,11 +30,14 @@ class Truth(NamedTuple):
     """The true targets, and figures that were taken last; g targets, k slots."""
 
     state: Array  # (env, g, 4) [x xdot y ydot], m, m/s, at the beginning of the cell
+    acceleration: Array  # (env, g, 2) in the cell, m/s^2
     mode: Array  # (env, g) int
     here: Array  # (env, g) bool
-    cell: Array  # (env,) int, cells of time that have begun
+    section: Array  # (env, g) int, class of cross section
+    cell: Array  # (env,) int, the cell of time
+    looks: Array  # (env, g) int, how often a target has been in the beam
     origin: Array  # (env, k) int, the target whose echo a slot has used last; -1: a false alarm
-    arrival: Array  # (env, g) s, negative for those that are there at the beginning
+    arrival: Array  # (env, g) s, from the beginning of the episode
     astray: Array  # (env, g) int, consecutive samples without a confirmed track that follows; see ``steps_astray``
     confirmed: Array  # (env, g) s, when the target had its first confirmed track; NaN before
     false: Array  # (env,) confirmed tracks of no target
@@ -45,7 +50,10 @@ class Truth(NamedTuple):
 
 
 class Belief(NamedTuple):
-    """The tracks, as they were at their last update, and the undetected; k slots, m modes, s sectors, b range bins."""
+    """The tracks, as they were at their last update, and the undetected.
+
+    k slots, m modes, s sectors, i beams, b range bins, c classes of cross section.
+    """
 
     step: Array  # (env,) int
     time: Array  # (env,) s
@@ -54,8 +62,9 @@ class Belief(NamedTuple):
     covariance: Array  # (env, k, m, 4, 4)
     probability: Array  # (env, k, m) of the modes
     existence: Array  # (env, k); 0: the slot is free
+    section: Array  # (env, k, c) probability of each class of cross section
     moments: Array  # (env, k, 10), see ``Slots``
-    undetected: Array  # (env, s, b) expected number of targets without a track
+    undetected: Array  # (env, i, b, c) expected number of targets of each class without a track
     turn: Array  # (env, s) int, the next beam of each sector
     spent: Array  # (env, 3) m^2 s, cost of the last dwell: undetected targets, tentative tracks, confirmed tracks
     duration: Array  # (env,) s, of the last dwell
@@ -81,9 +90,20 @@ def estimates(belief: Belief, modes: Modes) -> Estimates:
     return made
 
 
-def take_figures(
-    truth: Truth, belief: Belief, rows: Array, flight: Flight, laws: tuple[Any, ...], lost_beyond: float
-) -> None:
+def flying(truth: Truth) -> Flying:
+    """The targets of all environments, for kernels."""
+    return Flying(truth.state, truth.acceleration, truth.mode, truth.here)
+
+
+def states_now(truth: Truth, seconds: Array) -> Array:
+    """States (env, g, 4) so many seconds (env,) after the cell began."""
+    x, late = truth.state.copy(), seconds[:, None, None]
+    x[..., [0, 2]] += late * (x[..., [1, 3]] + 0.5 * late * truth.acceleration)
+    x[..., [1, 3]] += late * truth.acceleration
+    return x
+
+
+def take_figures(truth: Truth, belief: Belief, rows: Array, flight: Flight, laws: Laws, lost_beyond: float) -> None:
     """Write the figures of the environments ``rows`` into ``truth``.
 
     Args:
@@ -91,17 +111,15 @@ def take_figures(
         belief: at the same time.
         rows: indices (row,).
         flight: of the true targets.
-        laws: the tracker's modes, beam, area and c0. The GOSPA distance of order 2 has the cutoff sqrt(2 c0), so a
-            target that no track reports, and a track without target, cost c0.
+        laws: of the tracker. The GOSPA distance of order 2 has the cutoff sqrt(2 c0), so a target that no track
+            reports, and a track without target, cost c0.
         lost_beyond: m, see ``System``.
     """
-    modes, _, area, most = laws
+    area, most = laws.area, laws.most
     part = Belief(*(leaf[rows] for leaf in belief))
-    made = estimates(part, modes)
+    made, states = estimates(part, laws.modes), states_now(truth, belief.time - truth.cell * flight.cell)
     for i, e in enumerate(rows.tolist()):
-        late = belief.time[e] - truth.cell[e] * flight.cell
-        x = truth.state[e].copy()
-        x[:, [0, 2]] += late * x[:, [1, 3]]
+        x = states[e]
         mean, covariance, existence = made.mean[i], made.covariance[i], part.existence[i]
         trace = covariance[:, 0, 0] + covariance[:, 2, 2]
         reported = (existence > 0.0) & (existence * (2.0 * most - trace) > most)
@@ -159,12 +177,13 @@ def _errors(truth: Truth, e: int, confirmed: Array, x: Array, mean: Array, covar
 
 
 class Traffic(NamedTuple):
-    """The traffic of an isotropic flow in a sector of a ring: the region, and the number and speeds of targets in it.
+    """The traffic of an isotropic flow in a sector of a ring: the region, the number and velocities of targets in it.
 
     In the plane targets are a Poisson process with uniform places and headings. So inside a region the intensity is
     uniform. Over each metre of its edge targets enter at the rate density x mean speed / pi. The density of the angle
-    between heading and inward normal is proportional to its cosine; that of an entering target's speed is proportional
-    to the speed times its density in the plane.
+    between heading and inward normal is proportional to its cosine. Velocities inside are uniform between the least and
+    the greatest speed, as ``Flight`` keeps them; the density of an entering target's speed is proportional to its
+    square.
     """
 
     nearest: float  # m
@@ -187,13 +206,13 @@ class Traffic(NamedTuple):
     @property
     def mean_speed(self) -> float:
         """Of the targets inside, m/s."""
-        return 0.5 * (self.slowest + self.fastest)
+        low, high = self.slowest, self.fastest
+        return 2.0 / 3.0 * (low * low + low * high + high * high) / (low + high)
 
     @property
     def velocity_variance(self) -> float:
         """Of the velocity on each axis, (m/s)^2."""
-        low, high = self.slowest, self.fastest
-        return (low * low + low * high + high * high) / 6.0
+        return 0.25 * (self.slowest**2 + self.fastest**2)
 
     @property
     def arc_and_sides(self) -> Array:
@@ -215,7 +234,7 @@ class Traffic(NamedTuple):
         """States [x xdot y ydot] (..., target, 4) at arrival, and the arrivals (..., target) in s.
 
         Args:
-            draw: uniform draws (..., target, 7); see ``World``.
+            draw: uniform draws (..., target, 8); see ``World``.
         """
         passed = np.cumsum(-np.log1p(-draw[..., 0]), axis=-1)  # a Poisson process of rate 1
         inside = passed < self.targets
@@ -229,7 +248,7 @@ class Traffic(NamedTuple):
         """Range, azimuth, heading and speed of targets that are there at the beginning."""
         r = np.sqrt(self.nearest**2 + draw[..., 1] * (self.farthest**2 - self.nearest**2))
         azimuth = self.half_sector * (2.0 * draw[..., 2] - 1.0)
-        speed = self.slowest + draw[..., 4] * (self.fastest - self.slowest)
+        speed = np.sqrt(self.slowest**2 + draw[..., 4] * (self.fastest**2 - self.slowest**2))
         return r, azimuth, 2.0 * math.pi * draw[..., 3], speed
 
     def _on_the_edge(self, draw: Array) -> tuple[Array, ...]:
@@ -242,5 +261,5 @@ class Traffic(NamedTuple):
         r = np.choose(side, [self.farthest, self.nearest, along_side, along_side])
         normal = azimuth + np.choose(side, [math.pi, 0.0, 0.5 * math.pi, -0.5 * math.pi])
         heading = normal + np.arcsin(2.0 * draw[..., 3] - 1.0)
-        speed = np.sqrt(self.slowest**2 + draw[..., 4] * (self.fastest**2 - self.slowest**2))
+        speed = np.cbrt(self.slowest**3 + draw[..., 4] * (self.fastest**3 - self.slowest**3))
         return r, azimuth, heading, speed

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
+from scipy.special import gammainccinv
 
 from wavegym.core import trees
 from wavegym.core.action_sets import Library
@@ -16,25 +17,40 @@ from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Count, Positive, parameter, system_parameters
 from wavegym.core.system import ObservationField, State, System
 from wavegym.core.track_loss import LOST_AFTER, NO_TRACK_YET
-from wavegym.core.traits import TimedPulses, TrackSlots, UnequalSteps
+from wavegym.core.traits import DwellRule, TimedPulses, TrackSlots, UnequalSteps
 from wavegym.systems.multifunction_radar import step_kernels as kernels
-from wavegym.systems.multifunction_radar.actions import Dwells
-from wavegym.systems.multifunction_radar.beam_kernels import Beam, coverage
-from wavegym.systems.multifunction_radar.dwell_kernels import Area, middle_of, usual_number
-from wavegym.systems.multifunction_radar.state import PARTS, Belief, Traffic, Truth, World, take_figures
-from wavegym.systems.multifunction_radar.step_kernels import Flight, fly_all
+from wavegym.systems.multifunction_radar.actions import Dwells, Train
+from wavegym.systems.multifunction_radar.area_kernels import Area, usual_number
+from wavegym.systems.multifunction_radar.beam_kernels import (
+    FINEST,
+    SLOPE,
+    Beam,
+    Look,
+    coherent_share,
+)
+from wavegym.systems.multifunction_radar.dwell_kernels import Laws, share_found
+from wavegym.systems.multifunction_radar.flight_kernels import Flight, begin_all, fly_all
+from wavegym.systems.multifunction_radar.gain_kernels import settle
+from wavegym.systems.multifunction_radar.state import PARTS, Belief, Traffic, Truth, World, flying, take_figures
+from wavegym.systems.multifunction_radar.step_kernels import Menu, Real
 from wavegym.systems.multifunction_radar.track_kernels import Modes
-from wavegym.waveforms import PulseTiming, check_range_folds
+from wavegym.waveforms import SPEED_OF_LIGHT, PulseTiming, check_range_folds
 
-MONOPULSE = 1.6  # slope of a monopulse: the standard deviation of an angle is the beam width / (1.6 sqrt(2 SNR))
 COLUMNS = 9  # of ``slots_now``
 LOGARITHMS = [3, 4, 5, 7, 8]  # columns of ``slots_now`` that agents observe as log2
 TINY = 1e-12
 FEW = 1.0 / 64.0  # least observed ratio of undetected targets to their number without any search
+UNIT = 10e-3  # s: length of the burst whose E/N0 is 1 at the reference range
+STEPS = 400  # of the table of ``coherent_share``
+ANGLES = 64  # of an acceleration against the line of sight, in a mean over them
+REFERENCE = DwellRule(
+    ahead=0.5, later=3.0, far=0.0, tentative=0.0, long=0.0, worth=1.0, long_search=0.0, load=0.0
+)  # of the time before an episode: the greatest gain per second
 DRAWS = 2  # uniform draws that decide one dwell in ``predict``
 
 Speed = Annotated[float, Field(gt=0, le=1e4)]
-Density = Annotated[float, Field(ge=0, le=1e6)]
+Acceleration = Annotated[float, Field(ge=0, le=1e3)]
+Section = Annotated[float, Field(ge=1e-6, le=1e6)]
 Rate = Annotated[float, Field(ge=1e-6, le=100)]
 Spread = Annotated[float, Field(ge=1e-3, le=1e4)]
 
@@ -44,19 +60,25 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
     """One agile-beam radar tracks dozens of targets and searches for more, one dwell at a time.
 
     Description
-        An action is the next dwell: update a track, search a sector, or wait. Updates and searches have one of several
-        numbers of pulses. The mask excludes updates of slots without a track; if such an action is taken, the radar
-        waits (metric ``replaced``). Dwells differ in duration, and targets move during each.
+        An action is the next dwell: update a track, search a sector, or wait. Updates and searches send one of several
+        trains: ``bursts``, each of a number of ``pulses``. The mask excludes updates of slots without a track; if such
+        an action is taken, the radar waits (metric ``replaced``). Dwells differ in duration, and targets move during
+        each.
 
         An update points at the predicted azimuth. The gain falls with the pointing error, so a late update misses, and
-        a track can be lost. A search points at the next beam of its sector. A detection that no track explains begins a
-        tentative track, which later dwells confirm or refute. Detections and false alarms come from echo and noise in
-        complex normal form (Swerling 1). The radar measures range and azimuth, not range-rate, and has no clutter.
+        a track can be lost. A search points at the next beam of its sector, with its energy spread over several
+        elevations. A detection that no track explains begins a tentative track, which later dwells confirm or refute.
 
-        Targets cross the region on all sides and manoeuvre: a Markov chain switches between two densities of white
-        acceleration. Each track is an IMM of these two models with a probability of existence. The belief also holds
-        the intensity of targets without a track. Above about 20 targets the radar is overloaded. A tracker of your own
-        does not fit: its estimate has a fixed number of targets and no probabilities of existence.
+        The antenna is a planar array: away from straight ahead its beam broadens and its gain falls. Within a burst the
+        pulses are summed in Doppler filters, of which an accelerating target takes several; the powers of the bursts
+        are added (Swerling 2). Each filter has its false alarms. The radar measures range, azimuth (a monopulse, biased
+        and less precise off the axis) and range-rate modulo a fold. It has no clutter.
+
+        Targets cross the region on all sides and manoeuvre: a Markov chain switches between two limits of acceleration.
+        Their cross sections differ. Each track is an IMM of two white accelerations with a probability of existence and
+        of each class of cross section. The belief also holds the intensity of targets without a track. The radar is
+        overloaded: it could spend all its time on search. A tracker of your own does not fit: its estimate has a fixed
+        number of targets and no probabilities of existence.
 
     Rewards
         -c, the cost of the dwell: the integral over its duration of the expected squared GOSPA distance, in m^2 s.
@@ -65,8 +87,9 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         targets weigh more.
 
     Starting state
-        The traffic is in equilibrium. Each target present has a track with probability ``known``, with a first estimate
-        drawn around the truth.
+        The traffic is in equilibrium, and so is the radar: for ``settled`` seconds before the episode it has chosen the
+        dwell of the greatest gain per second. When these seconds begin, each target has a track with probability
+        ``known``, with a first estimate drawn around the truth.
 
     Episode end
         Truncated by the first dwell that ends at ``seconds`` or later, or after ``horizon`` dwells.
@@ -89,7 +112,10 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         ge=0,
         le=500,
     )
-    known: float = parameter(0.5, "share of the targets at the start that have a track", ge=0, le=1)
+    settled: float = parameter(
+        4.0, "time before the episode in which a rule chooses the dwells", unit="s", ge=0, le=1000
+    )
+    known: float = parameter(0.8, "share of the targets at the start of this time that have a track", ge=0, le=1)
     first_errors: tuple[Spread, Spread] = parameter(
         (100.0, 30.0),
         "standard deviations of the first estimates in position and velocity, on each axis",
@@ -100,38 +126,56 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
     sectors: Count = parameter(12, "number of search sectors", le=360)
     bins: Count = parameter(7, "number of range bins of the intensity of undetected targets", le=100)
     nearest: float = parameter(5e3, "minimum range of the region", unit="m", ge=100, le=1e6)
-    farthest: float = parameter(40e3, "maximum range of the region", unit="m", ge=100, le=1e6)
+    farthest: float = parameter(30e3, "maximum range of the region", unit="m", ge=100, le=1e6)
     half_sector: float = parameter(60.0, "maximum azimuth of the region, on either side", unit="deg", ge=1, le=80)
     speeds: tuple[Speed, Speed] = parameter((100.0, 300.0), "minimum and maximum speed", unit="m/s", truth=True)
-    density: tuple[Density, Density] = parameter(
-        (10.0, 2000.0), "density of the white acceleration of each mode on each axis", unit="m^2/s^3", truth=True
+    acceleration: tuple[Acceleration, Acceleration] = parameter(
+        (8.0, 60.0), "maximum acceleration of each mode, uniform in a disc", unit="m/s^2", truth=True
     )
     leave: tuple[Rate, Rate] = parameter((0.05, 0.2), "rate at which a target leaves each mode", unit="1/s", truth=True)
-    cell: float = parameter(0.05, "time between changes of a target's velocity", unit="s", ge=1e-3, le=1)
-    carrier_hz: float = parameter(3e9, "carrier frequency", unit="Hz", gt=0)
+    sections: tuple[Section, ...] = parameter(
+        (0.01, 0.03, 0.1),
+        "mean radar cross section of each class of targets; all classes are equally frequent",
+        unit="m^2",
+        truth=True,
+        min_length=1,
+    )
+    cell: float = parameter(0.2, "time between changes of a target's acceleration", unit="s", ge=1e-3, le=1)
+    carrier_hz: float = parameter(5.6e9, "carrier frequency", unit="Hz", gt=0)
     pulse: float = parameter(30e-6, "duration of a pulse", unit="s", gt=0)
     interval: float = parameter(320e-6, "time between two pulses", unit="s", gt=0)
-    pulses: tuple[Count, ...] = parameter((6, 20, 64, 200), "numbers of pulses of a dwell", min_length=1)
+    pulses: tuple[Count, ...] = parameter((16, 48, 128, 32), "numbers of pulses of a burst, by dwell", min_length=1)
+    bursts: tuple[Count, ...] = parameter((1, 1, 1, 4), "numbers of bursts, by dwell", min_length=1)
     overhead: float = parameter(1e-3, "time to steer and set up before each dwell", unit="s", ge=0, le=1)
     dt: float = parameter(5e-3, "duration of a wait; other steps take as long as their dwells", unit="s", gt=0, le=1)
-    beam_width: float = parameter(1.0, "half-power width of the beam, one way", unit="deg", truth=True, ge=0.1, le=10)
+    beam_width: float = parameter(
+        1.5, "half-power width of the beam straight ahead, one way", unit="deg", truth=True, ge=0.1, le=10
+    )
+    elevations: Count = parameter(
+        4, "receive beams in elevation that a search forms at once, over which it spreads its energy", le=100
+    )
     reference_range: float = parameter(
-        60e3, "range at which a dwell of 10 ms has E/N0 = 1 on the beam's axis", unit="m", truth=True, ge=100, le=1e8
+        160e3,
+        "range at which a burst of 10 ms at 1 m^2 has E/N0 = 1 on the beam's axis, straight ahead",
+        unit="m",
+        truth=True,
+        ge=100,
+        le=1e8,
     )
     range_cell: float = parameter(150.0, "range resolution", unit="m", ge=0.1, le=1e4)
-    false_alarm: tuple[Positive, Positive] = parameter(
-        (1e-6, 1e-4), "false alarm probability of a range cell in an update and in a search"
+    false_alarms: tuple[Positive, Positive] = parameter(
+        (0.01, 0.05), "expected false alarms of a dwell over all cells, in an update and in a search"
     )
     gate: float = parameter(25.0, "squared Mahalanobis distance of the gate", ge=1, le=1e3)
     dropped: float = parameter(0.05, "existence probability below which a track is dropped", ge=0, lt=0.5)
-    c0: float = parameter(2.5e5, "cost of a target that is not reported, per second", unit="m^2", ge=1, le=1e12)
+    c0: float = parameter(1e4, "cost of a target that is not reported, per second", unit="m^2", ge=1, le=1e12)
     priority: float = parameter(
         1.0,
         "weight of the cost of a target at the nearest range; falls linearly with range to 1 at the farthest",
         ge=1,
         le=100,
     )
-    sample: float = parameter(0.5, "time between two evaluations of the metrics by truth", unit="s", gt=0, le=10)
+    sample: float = parameter(0.6, "time between two evaluations of the metrics by truth", unit="s", gt=0, le=10)
 
     def __post_init__(self) -> None:
         """Check several fields together."""
@@ -139,26 +183,35 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             raise InputError(f"farthest is {self.farthest!r} m, expected more than nearest, {self.nearest!r} m")
         if self.speeds[0] > self.speeds[1]:
             raise InputError(f"speeds is {self.speeds}, expected the least first (nearest: {self.speeds[::-1]})")
-        for name, value in zip(("false_alarm.0", "false_alarm.1"), self.false_alarm, strict=True):
-            check_within(name, value, 1e-12, 0.1)
-        sector = 2.0 * self.half_sector / self.sectors
-        if sector < self.beam_width:
-            most = int(2.0 * self.half_sector / self.beam_width)
-            raise InputError(f"sectors is {self.sectors}, expected each as wide as a beam or wider (nearest: {most})")
+        for name, value in zip(("false_alarms.0", "false_alarms.1"), self.false_alarms, strict=True):
+            check_within(name, value, 1e-9, 1.0)
+        if len(self.bursts) != len(self.pulses):
+            raise InputError(f"bursts is {self.bursts}, expected a number for each of the pulses {self.pulses}")
+        if len({train.label for train in self.trains}) < len(self.trains):
+            raise InputError(f"pulses is {self.pulses}, expected no two dwells alike")
+        self._check_sectors()
         check_range_folds(self.timings, self.farthest)
         blind = max(timing.blind_range for timing in self.timings.values())
         check_within("nearest", self.nearest, blind, self.farthest, "m")
-        longest = max(self.dwell_seconds) + self.overhead
+        longest = max(self.dwells.seconds) + self.overhead
         if longest > self.sample:
             raise InputError(
                 f"sample is {self.sample!r} s, expected the longest dwell or more (nearest: {longest:.6g})"
             )
 
+    def _check_sectors(self) -> None:
+        """Each sector is as wide as a beam or wider; the outer ones are the narrowest in the sine of the azimuth."""
+        most = self.sectors
+        while most > 1 and np.diff(_edges(self.half_sector, most))[0] < self.beam.width:
+            most -= 1
+        if most < self.sectors:
+            raise InputError(f"sectors is {self.sectors}, expected each as wide as a beam or wider (nearest: {most})")
+
     # --- derived from the parameters ---
 
     @property
     def timings(self) -> dict[str, PulseTiming]:
-        """A train of each number of pulses."""
+        """A burst of each number of pulses."""
         return {
             f"{count} pulses": PulseTiming(
                 duration=self.pulse, carrier_hz=self.carrier_hz, interval=self.interval, count=count
@@ -167,42 +220,77 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         }
 
     @property
+    def wavelength(self) -> float:
+        """Of the carrier, m."""
+        return SPEED_OF_LIGHT / self.carrier_hz
+
+    @property
     def duration_means(self) -> str:
         """See ``TimedPulses``."""
         return "A pulse lasts for `pulse`, and is of constant power."
 
     def target_ranges(self, world: World) -> Array:
         """Of every present target at each second, all worlds in one row, (1, n, 2)."""
-        truth = self.initial(world).truth
-        x, mode, here, arrival = truth.state, truth.mode, truth.here, truth.arrival
-        found, cells = [], round(1.0 / self.cell)
+        truth, flight = self._traffic_before(world), self.truth_model.flight
+        fly_all(world.key, truth.arrival, truth.cell[0], 0, flying(truth), flight)
+        x, found, cells = truth.state, [], round(1.0 / self.cell)
         for second in range(math.ceil(self.seconds)):
             r = np.hypot(x[..., 0], x[..., 2])
-            found.append(np.stack([r, (x[..., 0] * x[..., 1] + x[..., 2] * x[..., 3]) / r], axis=-1)[here])
+            found.append(np.stack([r, (x[..., 0] * x[..., 1] + x[..., 2] * x[..., 3]) / r], axis=-1)[truth.here])
             begin = second * cells
-            fly_all(world.key, arrival, begin, begin + cells, x, mode, here, self.truth_model.flight)
+            fly_all(world.key, truth.arrival, begin, begin + cells, flying(truth), flight)
         return np.concatenate(found)[None]
 
     @cached_property
-    def dwell_seconds(self) -> tuple[float, ...]:
-        """Time of transmission of each dwell, s."""
-        return tuple(count * self.interval for count in self.pulses)
+    def trains(self) -> tuple[Train, ...]:
+        """The pulses of each dwell."""
+        return tuple(Train(*each, self.interval) for each in zip(self.pulses, self.bursts, strict=True))
 
     @cached_property
     def dwells(self) -> Dwells:
         """The dwells and their purposes."""
-        return Dwells(self.dwell_seconds, self.overhead, self.dt, self.slots, self.sectors)
+        return Dwells(self.trains, self.overhead, self.dt, self.slots, self.sectors)
+
+    def look(self, train: Train, elevations: int, false_alarms: float) -> Look:
+        """What a train measures.
+
+        Args:
+            train: its pulses.
+            elevations: receive beams, over which the energy is spread.
+            false_alarms: expected number, over all cells.
+        """
+        cells = train.pulses * elevations / self.range_cell  # a burst has as many Doppler filters as pulses
+        stretch = train.burst**2 / self.wavelength
+        return Look(
+            bursts=train.bursts,
+            gain=train.burst / UNIT / elevations,
+            threshold=_threshold(false_alarms / (cells * (self.farthest - self.nearest)), train.bursts),
+            cells=cells,
+            rate_error=self.wavelength * math.sqrt(3.0) / (2.0 * math.pi * train.burst),
+            stretch=stretch,
+            kept=np.array([_mean_share(limit * stretch) for limit in self.acceleration]),
+        )
 
     @cached_property
-    def menu(self) -> tuple[Array, ...]:
-        """The arrays of ``Dwells.menu``, and how many beam widths a search covers in each bin, (action, bin)."""
-        kind, index, seconds, duration = self.dwells.menu
-        covers = np.zeros((len(kind), self.bins))
-        for b in range(self.bins):
-            middle = middle_of(b, self.bins, self.area)
-            each = [coverage(middle, seconds, self.thresholds[1], self.beam) for seconds in self.dwell_seconds]
-            covers[kind == kernels.SEARCH, b] = np.tile(each, self.sectors)
-        return kind, index, seconds, duration, covers
+    def menu(self) -> Menu:
+        """All actions."""
+        kind, which, train, duration = self.dwells.menu
+        updates = [self.look(each, 1, self.false_alarms[0]) for each in self.trains]
+        searches = [self.look(each, self.elevations, self.false_alarms[1]) for each in self.trains]
+        is_search = kind == kernels.SEARCH
+        columns = []
+        pairs = zip(zip(*updates, strict=True), zip(*searches, strict=True), strict=True)
+        for of_update, of_search in pairs:
+            first, second = np.array(of_update)[train], np.array(of_search)[train]
+            columns.append(np.where(is_search.reshape(-1, *[1] * (first.ndim - 1)), second, first))
+        return Menu(kind, which, duration, train, self._covers(searches), *columns)
+
+    def _covers(self, looks: list[Look]) -> Array:
+        """Share of the targets in and beside a beam that a search finds, (train, beam, 3, bin, class)."""
+        covers = np.zeros((len(looks), len(self.area.angle), 3, self.bins, len(self.sections)))
+        for look, out in zip(looks, covers, strict=True):
+            share_found(look, self.laws, out)
+        return covers
 
     @property
     def actions(self) -> Library:
@@ -219,19 +307,19 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
     @cached_property
     def modes(self) -> Modes:
         """The motion model."""
-        return Modes(self.density, self.leave)
+        low, high = (0.25 * limit * limit * self.cell for limit in self.acceleration)  # of an axis of the disc
+        return Modes((low, high), self.leave)
 
     @cached_property
     def beam(self) -> Beam:
         """The radar's numbers."""
-        width = math.radians(self.beam_width)
         return Beam(
-            width=width,
+            width=math.sin(math.radians(self.beam_width)),
             reference=self.reference_range,
-            unit=10e-3,
-            range_error=self.range_cell / MONOPULSE,
-            angle_error=width / MONOPULSE,
-            range_cell=self.range_cell,
+            range_error=self.range_cell / SLOPE,
+            fold=0.5 * self.wavelength / self.interval,
+            kept=coherent_share(FINEST * np.arange(STEPS)),
+            sections=np.array(self.sections),
             nearest=self.nearest,
             farthest=self.farthest,
             gate=self.gate,
@@ -242,15 +330,20 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         """The region, and how undetected targets move in it."""
         traffic = self.traffic
         flow = traffic.mean_speed / math.pi
-        sector = 2.0 * traffic.half_sector / self.sectors
+        edges = _edges(self.half_sector, self.sectors)
+        beams = np.ceil(np.diff(edges) / self.beam.width - 1e-9).astype(np.int64)  # of each sector
+        first = np.append(0, np.cumsum(beams))
+        edges = np.interp(np.arange(first[-1] + 1), first, edges)
         return Area(
             half_sector=traffic.half_sector,
             nearest=self.nearest,
             farthest=self.farthest,
-            beams=math.ceil(sector / self.beam.width - 1e-9),
+            first=first,
+            edges=edges,
+            angle=np.diff(np.arcsin(edges)),
             traffic=traffic.density,
             radial=flow / ((self.farthest - self.nearest) / self.bins),
-            lateral=flow / sector,
+            lateral=flow,
             dropped=self.dropped,
             speed=math.sqrt(traffic.velocity_variance),
             priority=self.priority,
@@ -259,78 +352,96 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
     @cached_property
     def flight(self) -> Flight:
         """How targets fly."""
-        return Flight(self.cell, self.density, self.leave, self.nearest, self.farthest, math.radians(self.half_sector))
+        return Flight(
+            self.cell, self.acceleration, self.leave, *self.speeds, self.nearest, self.farthest,
+            math.radians(self.half_sector)
+        )  # fmt: skip
 
     @cached_property
-    def thresholds(self) -> tuple[float, float]:
-        """Of the power of echo and noise, in an update and in a search."""
-        return -math.log(self.false_alarm[0]), -math.log(self.false_alarm[1])
-
-    @cached_property
-    def laws(self) -> tuple[Any, ...]:
-        """What the kernels of a step assume."""
-        return self.modes, self.beam, self.area, self.c0
+    def laws(self) -> Laws:
+        """What the tracker assumes."""
+        return Laws(self.modes, self.beam, self.area, self.c0)
 
     # --- the loop ---
 
     def draw_world(self, rng: np.random.Generator) -> World:
         """All random numbers of one episode."""
-        most = self.truth_model.traffic.most_targets(self.seconds)
+        most = self.truth_model.traffic.most_targets(self.settled + self.seconds)
         key = rng.integers(0, 2**63, dtype=np.uint64)
-        return World(np.asarray(key), rng.random((most, 7)), rng.standard_normal((most, 4)))
+        return World(np.asarray(key), rng.random((most, 8)), rng.standard_normal((most, 4)))
 
-    def initial(self, world: World) -> State:
-        """Traffic in equilibrium, and tracks of a share of it."""
+    def _traffic_before(self, world: World) -> Truth:
+        """Traffic in equilibrium, ``settled`` seconds before the episode."""
         x, arrival = self.truth_model.traffic.states(world.draw)
-        here = arrival < 0.0
+        here, arrival = arrival < 0.0, arrival - self.settled
         first, second = self.truth_model.leave
         mode = (world.draw[..., 5] < first / (first + second)).astype(np.int64)
+        section = (world.draw[..., 7] * len(self.truth_model.sections)).astype(np.int64)
         count, slots = len(here), self.slots
         none = np.zeros(count)
-        truth = Truth(
-            state=x, mode=mode, here=here, cell=np.zeros(count, np.int64),
+        begun = Truth(
+            state=x, acceleration=np.zeros((*here.shape, 2)), mode=mode, here=here, section=section,
+            cell=np.full(count, math.floor(-self.settled / self.cell)), looks=np.zeros(here.shape, np.int64),
             origin=np.full((count, slots), -1), arrival=arrival, astray=np.full(here.shape, NO_TRACK_YET),
             confirmed=np.full(here.shape, np.nan), false=none,
             square_gospa=np.zeros((count, len(PARTS))), squared_error=np.zeros((count, slots)),
             variance=np.zeros((count, slots)), nees=np.zeros((count, slots)),
             replaced=np.zeros(count, np.bool_), present=np.zeros((count, slots), np.bool_),
         )  # fmt: skip
+        begin_all(world.key, begun.cell, flying(begun), self.truth_model.flight)
+        return begun
+
+    def initial(self, world: World) -> State:
+        """After ``settled`` seconds of the reference rule."""
+        truth, count = self._traffic_before(world), len(world.key)
         belief = self._nothing_seen(count)
         belief.undetected[:] *= 1.0 - self.known
         known, variance = world.draw[..., 6] < self.known, np.square(self.first_errors)
-        kernels.first_tracks(x, here, known, world.error, self.modes, variance, belief, truth.origin)
+        first = truth.state, truth.here, known, world.error
+        kernels.first_tracks(*first, self.modes, variance, belief, truth.origin)
+        settle(self._real(truth, world), belief, self.menu, self.laws, REFERENCE)
         take_figures(truth, belief, np.arange(count), self.truth_model.flight, self.laws, self.lost_beyond)
         return State(truth, belief)
 
     @cached_property
     def usual_numbers(self) -> Array:
-        """Targets in a cell of each bin without any search, (bin,)."""
-        return np.array([usual_number(b, (self.sectors, self.bins), self.area) for b in range(self.bins)])
+        """Targets of all classes in a cell without any search, (beam, bin)."""
+        shape = len(self.area.angle), self.bins, 1
+        return np.array([[usual_number(i, b, shape, self.area) for b in range(self.bins)] for i in range(shape[0])])
+
+    def by_sector(self, numbers: Array) -> Array:
+        """Sums (..., sector, bin) over the beams of each sector, of numbers (..., beam, bin)."""
+        return np.add.reduceat(numbers, self.area.first[:-1], axis=-2)
 
     def _nothing_seen(self, count: int) -> Belief:
-        slots = self.slots
+        slots, classes = self.slots, len(self.sections)
         return Belief(
-            step=np.zeros(count, np.int64), time=np.zeros(count), updated=np.zeros((count, slots)),
+            step=np.zeros(count, np.int64), time=np.full(count, -self.settled),
+            updated=np.full((count, slots), -self.settled),
             mean=np.zeros((count, slots, 2, 4)), covariance=np.zeros((count, slots, 2, 4, 4)),
             probability=np.full((count, slots, 2), 0.5), existence=np.zeros((count, slots)),
-            moments=np.zeros((count, slots, 10)), undetected=np.tile(self.usual_numbers, (count, self.sectors, 1)),
+            section=np.full((count, slots, classes), 1.0 / classes), moments=np.zeros((count, slots, 10)),
+            undetected=np.tile(self.usual_numbers[:, :, None] / classes, (count, 1, 1, classes)),
             turn=np.zeros((count, self.sectors), np.int64), spent=np.zeros((count, 3)), duration=np.zeros(count),
         )  # fmt: skip
 
     def transition(self, state: State, action: Array, world: World) -> State:
         """One dwell."""
         truth, belief = trees.copied(state)
-        model = self.truth_model
-        moving = (truth.state, truth.mode, truth.here, truth.cell, truth.origin)
-        kernels.advance(
-            world.key, truth.arrival, moving, model.flight, model.beam, belief, action, self.menu,
-            self.thresholds, self.laws,
-        )  # fmt: skip
+        kernels.advance(self._real(truth, world), belief, action, self.menu, self.laws)
         truth.replaced[:] = ~self.mask(state.belief)[np.arange(len(action)), action]
         due = np.flatnonzero(belief.time // self.sample > state.belief.time // self.sample)
         if len(due):
-            take_figures(truth, belief, due, model.flight, self.laws, self.lost_beyond)
+            take_figures(truth, belief, due, self.truth_model.flight, self.laws, self.lost_beyond)
         return State(truth, belief)
+
+    def _real(self, truth: Truth, world: World) -> Real:
+        """For kernels, which change the truth."""
+        model = self.truth_model
+        return Real(
+            world.key, flying(truth), truth.arrival, truth.section, truth.cell, truth.looks, truth.origin,
+            model.flight, model.beam
+        )  # fmt: skip
 
     @property
     def outcome_shape(self) -> tuple[int, ...]:
@@ -356,7 +467,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
     def _predict_one(self, belief: Belief, actions: Array, outcome: Array | None) -> Belief:
         """``predict`` of one action for each environment; changes the belief."""
         draws = np.zeros((len(actions), 0)) if outcome is None else for_kernel(outcome)
-        kernels.foresee(belief, for_kernel(actions), draws, self.menu, self.thresholds, self.laws)
+        kernels.foresee(belief, for_kernel(actions), draws, self.menu, self.laws)
         return belief
 
     def cost(self, belief: Belief) -> Array:
@@ -371,8 +482,13 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
     def slots_now(self, belief: Belief) -> Array:
         """See ``TrackSlots``."""
         out = np.empty((*belief.existence.shape, COLUMNS))
-        kernels.describe_slots(belief, self.modes, self.beam, out)
+        kernels.describe_slots(belief, self._second, self.laws, out)
         return out
+
+    @cached_property
+    def _second(self) -> Look:
+        """A look of a second of transmission."""
+        return self.look(Train(round(1.0 / self.interval), 1, self.interval), 1, self.false_alarms[0])
 
     def terminal(self, belief: Belief) -> Array:
         """Whether the time, or the number of dwells, is over, (env,) bool."""
@@ -397,8 +513,8 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             ("position", "1", 6.0, 2.0, "log2 of the position's standard deviation in m"),
             ("velocity", "1", 5.0, 2.0, "log2 of the velocity's standard deviation at the last update in m/s"),
             ("age", "s", 1.0, 1.0, "time since the last update"),
-            ("density", "1", 7.0, 3.0, "log2 of the expected density of the acceleration in m^2/s^3"),
-            ("snr", "1", 12.0, 3.0, "log2 of E/N0 of a second of transmission"),
+            ("density", "1", 4.5, 2.0, "log2 of the expected density of the acceleration in m^2/s^3"),
+            ("snr", "1", 14.0, 3.0, "log2 of E/N0 of a second of transmission"),
         )
         slots = [
             ObservationField(f"{name}_{k}", unit, centre, scale, f"slot {k}: {meaning}")
@@ -426,7 +542,8 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         own[:, LOGARITHMS] = np.log2(np.maximum(own[:, LOGARITHMS], TINY))
         rows[..., 1:] = self._centres
         rows[taken] = own
-        share = np.log2(np.clip(belief.undetected / np.maximum(self.usual_numbers, TINY), FEW, None))
+        number, usual = self.by_sector(belief.undetected.sum(axis=-1)), self.by_sector(self.usual_numbers)
+        share = np.log2(np.clip(number / np.maximum(usual, TINY), FEW, None))
         return np.concatenate([rows.reshape(len(rows), -1), share.reshape(len(rows), -1)], axis=1)
 
     @property
@@ -454,7 +571,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         """
         truth, belief = state
         known = truth.confirmed > 0.0  # no NaN, and no track from the beginning
-        delay = np.where(known, truth.confirmed - np.maximum(truth.arrival, 0.0), 0.0).sum(axis=1)
+        delay = np.where(known, truth.confirmed - np.maximum(truth.arrival, -self.settled), 0.0).sum(axis=1)
         return {
             "duration": belief.duration.copy(),
             "position_error": np.sqrt(truth.squared_error),
@@ -472,3 +589,23 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             "replaced": truth.replaced.copy(),
             "confirm_delay": delay / np.maximum(known.sum(axis=1), 1),
         }
+
+
+def _edges(half_sector: float, sectors: int) -> Array:
+    """Sines of the azimuths of the sectors' edges; half_sector in degrees."""
+    return np.sin(np.radians(half_sector) * np.linspace(-1.0, 1.0, sectors + 1))
+
+
+def _threshold(chance: float, bursts: int) -> float:
+    """z that noise exceeds with a probability."""
+    return float(gammainccinv(bursts, chance))
+
+
+def _mean_share(most: float) -> float:
+    """Mean of ``coherent_share`` over accelerations that are uniform in a disc.
+
+    Args:
+        most: beta of the greatest acceleration along the line of sight.
+    """
+    turn = math.pi * (np.arange(ANGLES) + 0.5) / ANGLES  # the radial part is most cos(turn), with density sin^2(turn)
+    return float(np.average(coherent_share(most * np.cos(turn)), weights=np.square(np.sin(turn))))

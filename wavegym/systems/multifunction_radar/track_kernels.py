@@ -1,10 +1,12 @@
-"""Compiled tracks of the multifunction radar: an IMM of two modes for each slot, and its existence.
+"""Compiled tracks of the multifunction radar: an IMM of two modes for each slot, its existence, its cross section.
 
-Shapes: k slots, m = 2 modes, n = 4 elements of [x xdot y ydot]. A slot keeps its state at the last update: mean (m, n)
-and covariance (m, n, n) of each mode and the modes' probabilities. Its state at other times follows in closed form.
+Shapes: k slots, m = 2 modes, n = 4 elements of [x xdot y ydot], c classes of cross section, q = 3 measured quantities
+(range, sine of the azimuth, range-rate). A slot keeps its state at the last update: mean (m, n) and covariance (m, n,
+n) of each mode and the modes' probabilities. Its state at other times follows in closed form.
 
-A target's acceleration is white, with the density of its mode. So the covariance of all modes together grows with the
-expected density: q(s) = q* + (q(0) - q*) exp(-rate s), with the stationary density q* and the rate of the Markov chain.
+The tracker takes a target's acceleration as white, with the density of its mode. So the covariance of all modes
+together grows with the expected density: q(s) = q* + (q(0) - q*) exp(-rate s), with the stationary density q* and the
+rate of the Markov chain.
 The covariance of the position after s seconds is
 
     p + 2 c s + v s^2 + (q* s^3 / 3 + (q(0) - q*) I(s)) 1,    I(s) = integral of (s - u)^2 exp(-rate u) du over 0..s,
@@ -22,12 +24,13 @@ import numpy as np
 
 from wavegym.core.array_kernels import copy_matrices, copy_matrix, copy_vector
 from wavegym.core.kernels import inlined, kernel
-from wavegym.sensors.platform_kernels import bearing, wrapped
-from wavegym.trackers.imm_kernels import combine_one, mix_one, reweigh_one, squared_length
-from wavegym.trackers.kernels import correct_one, gain_one, shrink_one, spread_one
+from wavegym.trackers.imm_kernels import LOG_2PI, combine_one, mix_one, reweigh_one
+from wavegym.trackers.kernels import correct_one, gain_one, shrink_one
 
 NN, MM = (0, 0, 0, 0), (0, 0)  # the state's and the modes' sizes, known when compiling
-PLACE = (0, 2)  # elements on which range and azimuth depend
+RANGE, SINE, RATE = 0, 1, 2  # the measured quantities
+PLACE, STATE = (0, 2), (0, 1, 2, 3)  # elements on which range and sine depend, and all of them
+FOLDS = 8.0  # a range-rate is used if its predicted standard deviation is at most the fold over this
 SMALL = 1e-3  # rate times seconds below which I(s) is a series
 
 
@@ -46,14 +49,22 @@ class Slots(NamedTuple):
     covariance: np.ndarray  # (k, m, n, n)
     probability: np.ndarray  # (k, m) of the modes
     existence: np.ndarray  # probability that there is a target; 0: the slot is free
+    section: np.ndarray  # (k, c) probability of each class of cross section
     moments: np.ndarray  # (k, 10): xx, xy and yy of p, of c and of v of the module's first lines, then q(0)
+
+
+@inlined
+def steady(modes):
+    """Probabilities of the modes of a target that is not known."""
+    first, second = modes.leave
+    return second / (first + second), first / (first + second)
 
 
 @inlined
 def stationary_density(modes):
     """q*: the mean density of a target of unknown mode, m^2/s^3."""
-    first, second = modes.leave
-    return (second * modes.density[0] + first * modes.density[1]) / (first + second)
+    first, second = steady(modes)
+    return first * modes.density[0] + second * modes.density[1]
 
 
 @inlined
@@ -127,31 +138,30 @@ def predict_slot(k, time, slots, modes, x, P, mu, mean, covariance):
 
 @inlined
 def look_at(x, i, h, H):
-    """Range and azimuth h (2,) of x[i] from the radar, and their gradients H (2, n)."""
-    px, py = x[i, 0], x[i, 2]
+    """Range, sine of the azimuth and range-rate h (q,) of x[i] from the radar, and their gradients H (q, n)."""
+    px, vx, py, vy = x[i, 0], x[i, 1], x[i, 2], x[i, 3]
     r = np.sqrt(px * px + py * py)
-    h[0], h[1] = r, bearing(px, py)
+    c, s = py / r, px / r
+    h[RANGE], h[SINE], h[RATE] = r, s, s * vx + c * vy
     H[:] = 0.0
-    H[0, 0], H[0, 2] = px / r, py / r
-    H[1, 0], H[1, 2] = py / (r * r), -px / (r * r)
+    H[RANGE, 0], H[RANGE, 2] = s, c
+    H[SINE, 0], H[SINE, 2] = c * c / r, -s * c / r
+    across = (c * vx - s * vy) / r
+    H[RATE, 0], H[RATE, 1], H[RATE, 2], H[RATE, 3] = c * across, s, -s * across, c
 
 
-@kernel
-def distance_to(mean, covariance, r, azimuth, variance, h, H):
-    """Squared Mahalanobis distance of a measurement from the prediction (1, n), and the innovation's log det.
+@inlined
+def toward_axis(h, H, axis, seen):
+    """Make the sine and its gradient those that a monopulse reads: the offset from the axis times ``seen``."""
+    h[SINE] = axis + seen * (h[SINE] - axis)
+    for a in (0, 2):
+        H[SINE, a] *= seen
 
-    variance (2,): of range and azimuth.
-    """
-    look_at(mean, 0, h, H)
-    s00 = spread_one(0, covariance, H, 0, PLACE) + variance[0]
-    s11 = spread_one(0, covariance, H, 1, PLACE) + variance[1]
-    s01 = 0.0
-    for a in PLACE:
-        for b in PLACE:
-            s01 += H[0, a] * covariance[0, a, b] * H[1, b]
-    d0, d1 = r - h[0], wrapped(azimuth - h[1])
-    squared, determinant = squared_length(d0, d1, s00, s01, s11)
-    return squared, np.log(determinant)
+
+@inlined
+def folded(rate, fold):
+    """A range-rate, or a difference of two, modulo the fold."""
+    return rate - fold * np.rint(rate / fold)
 
 
 @kernel
@@ -171,37 +181,47 @@ def keep_slot(k, time, slots, modes, x, P, mu):
 
 
 @kernel
-def update_slot(k, time, slots, modes, x, P, mu, r, azimuth, variance):
-    """Update the prediction x, P, mu of slot k with a range and an azimuth of the given variances (2,), and keep it."""
-    h, H, v, d, c = np.empty(2), np.empty((2, 4)), np.empty(4), np.empty(4), mu.copy()
+def correct_slot(x, P, mu, measured):
+    """Update the prediction x (m, n), P (m, n, n), mu (1, m) of a slot; returns the log of the measurement's density.
+
+    measured: the axis and the share ``seen`` of ``toward_axis``, the values (q,), their variances (q,), how many of
+    them count, and the fold of the range-rate.
+    """
+    axis, seen, value, variance, count, fold = measured
+    h, H, v, d, c = np.empty(3), np.empty((3, 4)), np.empty(4), np.empty(4), mu.copy()
     log_likelihood = np.zeros((1, 2))
     for j in range(2):
         look_at(x, j, h, H)
-        y0, y1 = r - h[0], wrapped(azimuth - h[1])
+        toward_axis(h, H, axis, seen)
         d[:] = 0.0
-        for a in range(2):
-            s = gain_one(j, P, H, a, v, NN, PLACE) + variance[a]
-            y = y0 if a == 0 else y1
+        for a in range(count):
+            s = gain_one(j, P, H, a, v, NN, STATE) + variance[a]
+            y = folded(value[a] - h[a], fold) if a == RATE else value[a] - h[a]
             rest = y
-            for b in PLACE:
+            for b in range(4):
                 rest -= H[a, b] * d[b]
-            log_likelihood[0, j] -= 0.5 * (rest * rest / s + np.log(s))
+            log_likelihood[0, j] -= 0.5 * (rest * rest / s + np.log(s) + LOG_2PI)
             correct_one(d, H, a, v, s, y, NN)
             shrink_one(j, P, v, s, NN)
         for b in range(4):
             x[j, b] += d[b]
+    best = max(log_likelihood[0, 0], log_likelihood[0, 1])
+    evidence = np.log(c[0, 0] * np.exp(log_likelihood[0, 0] - best) + c[0, 1] * np.exp(log_likelihood[0, 1] - best))
     reweigh_one(0, c, log_likelihood, mu, MM)
-    keep_slot(k, time, slots, modes, x, P, mu)
+    return best + evidence
 
 
 @kernel
-def begin_slot(k, time, slots, modes, r, azimuth, variance, speed):
-    """Begin a track at a measured place; the velocity is unknown, with the variance speed^2 on each axis."""
-    s, c = np.sin(azimuth), np.cos(azimuth)
-    along, across = variance[0], r * r * variance[1]
+def begin_slot(k, time, slots, modes, r, sine, variance, speed):
+    """Begin a track at a measured place; the velocity is unknown, with the variance speed^2 on each axis.
+
+    variance (2,): of the range and of the sine of the azimuth.
+    """
+    s, c = sine, np.sqrt(1.0 - sine * sine)
+    along, across = variance[0], r * r * variance[1] / (c * c)
     x, P, mu = np.zeros((2, 4)), np.zeros((2, 4, 4)), np.empty((1, 2))
+    mu[0, 0], mu[0, 1] = steady(modes)
     for j in range(2):
-        mu[0, j] = modes.leave[1 - j] / (modes.leave[0] + modes.leave[1])
         x[j, 0], x[j, 2] = r * s, r * c
         P[j, 0, 0], P[j, 2, 2] = along * s * s + across * c * c, along * c * c + across * s * s
         P[j, 0, 2] = P[j, 2, 0] = (along - across) * s * c
@@ -210,20 +230,20 @@ def begin_slot(k, time, slots, modes, r, azimuth, variance, speed):
 
 
 @kernel
-def first_slots(x, here, known, error, modes, variance, slots, origin):
+def first_slots(time, x, here, known, error, modes, variance, slots, origin):
     """Begin a track of every known target (g,) that is here, with estimates around x (g, n), and record its target.
 
     error (g, n) is standard normal. variance (2,): of position and velocity on each axis.
     """
     k, P, mu, mean = 0, np.zeros((2, 4, 4)), np.empty((1, 2)), np.empty((2, 4))
+    mu[0, 0], mu[0, 1] = steady(modes)
     for j in range(2):
-        mu[0, j] = modes.leave[1 - j] / (modes.leave[0] + modes.leave[1])
         for a in range(4):
             P[j, a, a] = variance[a % 2]
     for g in range(len(here)):
         if here[g] and known[g] and k < len(slots.existence):
             for a in range(4):
                 mean[:, a] = x[g, a] + np.sqrt(variance[a % 2]) * error[g, a]
-            keep_slot(k, 0.0, slots, modes, mean, P, mu)
-            slots.existence[k], origin[k] = 1.0, g
+            keep_slot(k, time, slots, modes, mean, P, mu)
+            slots.existence[k], slots.section[k], origin[k] = 1.0, 1.0 / slots.section.shape[1], g
             k += 1
