@@ -189,7 +189,7 @@ def test_a_new_track_is_the_posterior_of_offset_and_class():
     near = (np.abs(z - 40.0) < 3.0) & (np.abs(m - 0.35) < 0.03)
     beam = 65
     axis = areas.axis_of(beam, AREA)
-    undetected, slots = np.full((100, 7, 2), 5e-3), empty()
+    undetected, slots = np.full((100, 7, 2), 1e-17), empty()  # as rare as a false alarm of such power
     given = findings([PLACE[0], axis + 0.35 * WIDTH, 0.0, 40.0])
     dwells.begin_tracks(0.0, slots, given, beam, undetected, np.full(4, -1), LOOK, LAWS)
     got = (slots.mean[0, 0, 0] / np.hypot(*slots.mean[0, 0, ::2]) - axis) / WIDTH
@@ -199,10 +199,11 @@ def test_a_new_track_is_the_posterior_of_offset_and_class():
     assert abs(got - off[near].mean()) < 5 * off[near].std() / np.sqrt(many)
     assert spread == pytest.approx(off[near].var(), rel=0.1)
     assert abs(slots.section[0, 1] - section[near].mean()) < 5 * 0.5 / np.sqrt(many)
-    drawn = 5e-3 / 5e3 * WIDTH / np.diff(EDGES)[0] * 2 * 2 * near.mean()  # each metre, over two classes and widths
-    false = 64 / 150.0 * np.diff(gamma.cdf([37.0, 43.0], 1))[0]
-    false *= np.diff(norm.cdf([0.32, 0.38], scale=1 / (1.6 * np.sqrt(80.0))))[0]
-    assert slots.existence[0] == pytest.approx(drawn / (drawn + false), rel=0.1)
+    drawn = 1e-17 / 5e3 * WIDTH / np.diff(EDGES)[0] * 2 * 2 * near.mean()  # each metre, over two classes and widths
+    false = 64 / 150.0 * 6.0 * gamma.pdf(40.0, 1)  # within 3 of the power, and 0.03 of the offset
+    false *= 0.06 * norm.pdf(0.35, scale=1 / (1.6 * np.sqrt(80.0)))
+    assert 0.1 < slots.existence[0] < 0.9
+    assert slots.existence[0] / (1.0 - slots.existence[0]) == pytest.approx(drawn / false, rel=0.15)
 
 
 USUAL = np.array([[areas.usual_number(i, b, (100, 7, 2), AREA) for b in range(-1, 8)] for i in range(100)])
