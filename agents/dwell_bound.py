@@ -35,6 +35,7 @@ from torch import Tensor
 
 from wavegym.core.arrays import Array
 from wavegym.core.system import State
+from wavegym.sensors.trains import acceleration_loss
 from wavegym.systems.multifunction_radar import beam_kernels as beams
 from wavegym.systems.multifunction_radar.flight_kernels import fly_all
 from wavegym.systems.multifunction_radar.state import World, estimates, flying
@@ -129,7 +130,7 @@ def rates(system: MultifunctionRadar, found: Paths) -> Rates:
         for purpose, action in enumerate((a, int(system.dwells.search(np.array(0), np.array(a))))):
             look, duration = look_of(action, menu), menu.duration[action]
             S = look.gain * (beam.reference / nearest) ** 4 * found.section * (1.0 - sine**2) ** 1.5
-            S = np.clip(S * beams.coherent_share(look.stretch * found.radial), *STRENGTHS[[0, -1]])
+            S = np.clip(S * acceleration_loss(1.0, 1.0, look.stretch * found.radial), *STRENGTHS[[0, -1]])
             power, find = _tables(look, wide=purpose == 1)
             each = duration * (across if purpose else 1.0)
             rate = np.exp(np.interp(np.log(S), np.log(STRENGTHS), np.log(power))) / each

@@ -7,12 +7,13 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import gamma, kstest, norm
 
+from wavegym.sensors.trains import acceleration_loss
 from wavegym.systems.multifunction_radar import beam_kernels as beams
 from wavegym.systems.multifunction_radar import flight_kernels as targets
 
 WIDTH = np.sin(np.radians(1.5))
 WAVE, INTERVAL = 0.05, 300e-6
-KEPT = beams.coherent_share(beams.FINEST * np.arange(400))
+KEPT = acceleration_loss(1.0, 1.0, beams.FINEST * np.arange(400))
 BEAM = beams.Beam(WIDTH, 60e3, 94.0, WAVE / (2 * INTERVAL), KEPT, np.array([0.1, 1.0]), 5e3, 40e3, 25.0)
 MANY = 40_000
 
@@ -111,7 +112,7 @@ def test_a_burst_loses_the_energy_that_its_best_doppler_filter_does_not_take(bet
     t = (np.arange(4096) + 0.5) / 4096 - 0.5
     spectrum = np.fft.fft(np.exp(2j * np.pi * beta * t * t), 16 * 4096) / 4096
     want = (np.abs(spectrum) ** 2).max()
-    assert float(beams.coherent_share(beta)) == pytest.approx(want, rel=2e-3)
+    assert float(acceleration_loss(1.0, 1.0, beta)) == pytest.approx(want, rel=2e-3)
     look = look_at()
     assert beams.share_kept(-beta / look.stretch, look, BEAM) == pytest.approx(want, rel=3e-3)
 
@@ -119,7 +120,7 @@ def test_a_burst_loses_the_energy_that_its_best_doppler_filter_does_not_take(bet
 def test_an_accelerating_target_is_seen_less():
     look = look_at(pulses=128, gain=0.2)
     still, turning = (drawn(targets_at(20e3, 0.0, acceleration=(0.0, a)), 0.0, look) for a in (0.0, 40.0))
-    share = float(beams.coherent_share(40.0 * look.stretch))
+    share = float(acceleration_loss(1.0, 1.0, 40.0 * look.stretch))
     assert share < 0.8
     for found, kept in ((still, 1.0), (turning, share)):
         pd = np.exp(-look.threshold / (1 + 0.2 * 81 * kept))

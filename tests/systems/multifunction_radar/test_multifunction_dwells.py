@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import gamma, multivariate_normal, norm
 
+from wavegym.sensors.trains import acceleration_loss
 from wavegym.systems.multifunction_radar import area_kernels as areas
 from wavegym.systems.multifunction_radar import beam_kernels as beams
 from wavegym.systems.multifunction_radar import dwell_kernels as dwells
@@ -13,7 +14,7 @@ from wavegym.systems.multifunction_radar import flight_kernels as targets
 from wavegym.systems.multifunction_radar import track_kernels as tracks
 
 WIDTH = np.sin(np.radians(1.0))
-KEPT = beams.coherent_share(beams.FINEST * np.arange(400))
+KEPT = acceleration_loss(1.0, 1.0, beams.FINEST * np.arange(400))
 BEAM = beams.Beam(WIDTH, 40e3, 94.0, 80.0, KEPT, np.array([0.3, 1.0]), 5e3, 40e3, 25.0)
 MODES = tracks.Modes((10.0, 2000.0), (0.05, 0.2))
 FIRST = np.arange(0, 101, 10)  # ten sectors of ten beams

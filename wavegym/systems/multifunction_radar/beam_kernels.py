@@ -20,7 +20,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import fresnel
 
 from wavegym.core.counter_rng_kernels import exponential, normal, stream, uniform
 from wavegym.core.kernels import inlined, kernel
@@ -35,7 +34,7 @@ NARROW = 0.25  # standard deviation in beam widths below which Gauss-Hermite qua
 STEPS = 5  # of the trapezoidal rule from the axis to ``REACH``
 FALSE = 1  # number of the stream of false alarms within a dwell's key
 BURSTS = 3  # a target's draws: errors of range, azimuth and range-rate, then the power of each burst
-FINEST = 0.05  # step of the table of ``coherent_share``
+FINEST = 0.05  # step of beta in the table of shares kept
 
 
 class Beam(NamedTuple):
@@ -45,7 +44,7 @@ class Beam(NamedTuple):
     reference: float  # m: range at which a burst of gain 1 has E/N0 = 1 from 1 m^2 on the axis, straight ahead
     range_error: float  # m: standard deviation of range at 2 z = 1
     fold: float  # m/s: range-rates are measured modulo this
-    kept: np.ndarray  # ``coherent_share`` of FINEST, 2 FINEST, ...
+    kept: np.ndarray  # share of the energy that a burst keeps at beta = 0, FINEST, 2 FINEST, ...
     sections: np.ndarray  # (c,) m^2: mean radar cross section of each class of targets
     nearest: float  # m
     farthest: float  # m
@@ -60,30 +59,13 @@ class Look(NamedTuple):
     threshold: float  # T of z
     cells: float  # cells of range, range-rate and elevation for each metre of range
     rate_error: float  # m/s: standard deviation of range-rate at 2 z = 1
-    stretch: float  # s^2/m: a radial acceleration times this is beta of ``coherent_share``
+    stretch: float  # s^2/m: beta over the radial acceleration: the square of the burst's length over the wavelength
     kept: np.ndarray  # (m,) mean share of the energy kept, of a target in each mode
-
-
-def coherent_share(beta):
-    """Share of the energy that the best Doppler filter keeps of a burst under constant acceleration, (...).
-
-    Args:
-        beta: radial acceleration times the square of the burst's length over the wavelength; the Doppler frequency
-            changes by 2 beta over the inverse of the burst's length.
-
-    The filter's output is a Fresnel integral, greatest in the middle of the chirp or near one end.
-    """
-    beta = np.maximum(np.abs(np.asarray(beta, np.float64)), 1e-9)
-    middles = np.linspace(0.0, 0.5, 51)
-    scale = 2.0 * np.sqrt(beta)[..., None]
-    ends = fresnel(scale * (0.5 - middles)), fresnel(scale * (-0.5 - middles))
-    power = np.square(ends[0][0] - ends[1][0]) + np.square(ends[0][1] - ends[1][1])
-    return (power / (scale * scale)).max(axis=-1)
 
 
 @inlined
 def share_kept(acceleration, look, beam):
-    """``coherent_share`` of a radial acceleration, by interpolation."""
+    """Share of the energy that a burst keeps of a target of a radial acceleration, by interpolation."""
     place = abs(acceleration) * look.stretch / FINEST
     i = min(int(place), len(beam.kept) - 2)
     return beam.kept[i] + min(place - i, 1.0) * (beam.kept[i + 1] - beam.kept[i])

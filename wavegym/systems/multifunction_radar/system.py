@@ -18,16 +18,11 @@ from wavegym.core.parameters import Count, Positive, parameter, system_parameter
 from wavegym.core.system import ObservationField, State, System
 from wavegym.core.track_loss import LOST_AFTER, NO_TRACK_YET
 from wavegym.core.traits import DwellRule, TimedPulses, TrackSlots, UnequalSteps
+from wavegym.sensors.trains import acceleration_loss
 from wavegym.systems.multifunction_radar import step_kernels as kernels
 from wavegym.systems.multifunction_radar.actions import Dwells, Train
 from wavegym.systems.multifunction_radar.area_kernels import Area, usual_number
-from wavegym.systems.multifunction_radar.beam_kernels import (
-    FINEST,
-    SLOPE,
-    Beam,
-    Look,
-    coherent_share,
-)
+from wavegym.systems.multifunction_radar.beam_kernels import FINEST, SLOPE, Beam, Look
 from wavegym.systems.multifunction_radar.dwell_kernels import Laws, share_found
 from wavegym.systems.multifunction_radar.flight_kernels import Flight, begin_all, fly_all
 from wavegym.systems.multifunction_radar.gain_kernels import settle
@@ -41,7 +36,7 @@ LOGARITHMS = [3, 4, 5, 7, 8]  # columns of ``slots_now`` that agents observe as 
 TINY = 1e-12
 FEW = 1.0 / 64.0  # least observed ratio of undetected targets to their number without any search
 UNIT = 10e-3  # s: length of the burst whose E/N0 is 1 at the reference range
-STEPS = 400  # of the table of ``coherent_share``
+STEPS = 400  # of the table of shares kept
 ANGLES = 64  # of an acceleration against the line of sight, in a mean over them
 REFERENCE = DwellRule(
     ahead=0.5, later=3.0, far=0.0, tentative=0.0, long=0.0, worth=1.0, long_search=0.0, load=0.0
@@ -70,7 +65,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         elevations. A detection that no track explains begins a tentative track, which later dwells confirm or refute.
 
         The antenna is a planar array: away from straight ahead its beam broadens and its gain falls. Within a burst the
-        pulses are summed in Doppler filters, of which an accelerating target takes several; the powers of the bursts
+        pulses are summed in Doppler filters. An accelerating target spreads over several of them. The powers of bursts
         are added (Swerling 2). Each filter has its false alarms. The radar measures range, azimuth (a monopulse, biased
         and less precise off the axis) and range-rate modulo a fold. It has no clutter.
 
@@ -318,7 +313,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             reference=self.reference_range,
             range_error=self.range_cell / SLOPE,
             fold=0.5 * self.wavelength / self.interval,
-            kept=coherent_share(FINEST * np.arange(STEPS)),
+            kept=_share_kept(FINEST * np.arange(STEPS)),
             sections=np.array(self.sections),
             nearest=self.nearest,
             farthest=self.farthest,
@@ -601,11 +596,16 @@ def _threshold(chance: float, bursts: int) -> float:
     return float(gammainccinv(bursts, chance))
 
 
+def _share_kept(beta: Array) -> Array:
+    """``acceleration_loss`` by beta alone: of a burst of 1 s and a wavelength of 1 m."""
+    return acceleration_loss(1.0, 1.0, beta)
+
+
 def _mean_share(most: float) -> float:
-    """Mean of ``coherent_share`` over accelerations that are uniform in a disc.
+    """Mean share of the energy kept, over accelerations that are uniform in a disc.
 
     Args:
         most: beta of the greatest acceleration along the line of sight.
     """
     turn = math.pi * (np.arange(ANGLES) + 0.5) / ANGLES  # the radial part is most cos(turn), with density sin^2(turn)
-    return float(np.average(coherent_share(most * np.cos(turn)), weights=np.square(np.sin(turn))))
+    return float(np.average(_share_kept(most * np.cos(turn)), weights=np.square(np.sin(turn))))
