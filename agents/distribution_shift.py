@@ -65,7 +65,7 @@ def play(
 
     If ``before`` has figures with the same best heuristic, the planner is not played and keeps its figures.
     """
-    env_id = full_id(f"{name}-v0")
+    env_id = full_id(name)
     original = make_task(env_id, {}).system
     policies = {SIMPLE: ({}, make_policy(SIMPLE, original, None)), **_agents(name)}
     planner = None if before else make_policy(PLANNER, original, None)
@@ -82,7 +82,7 @@ def play(
 
 def count_outside(name: str, shifts: dict[str, dict[str, Any]], found: dict[str, Any], jobs: int) -> None:
     """Add to the figures of ``play`` how often the agents' observations are outside the range of their training."""
-    env_id = full_id(f"{name}-v0")
+    env_id = full_id(name)
     original, agents = make_task(env_id, {}).system, _agents(name)
     for shift, given in shifts.items():
         for half, changes in halves(original, given).items():
@@ -94,7 +94,7 @@ def count_outside(name: str, shifts: dict[str, dict[str, Any]], found: dict[str,
 
 def _agents(name: str) -> dict[str, tuple[dict[str, Any], Any]]:
     """The saved agents of an environment by algorithm: the parameters in which they play, and all training seeds."""
-    env_id, found = full_id(f"{name}-v0"), {}
+    env_id, found = full_id(name), {}
     for algo in AGENTS:
         folder = SAVED / name / algo
         if folder.is_dir():

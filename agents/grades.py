@@ -42,7 +42,7 @@ STEPS = 1_000_000  # of a training at another difficulty than the default
 
 def default_of(name: str) -> Any:
     """The value of the difficulty in the registered environment."""
-    return getattr(make_task(full_id(f"{name}-v0"), {}).system, GRADED[name][0])
+    return getattr(make_task(full_id(name), {}).system, GRADED[name][0])
 
 
 def folder_of(name: str, label: str, value: Any) -> Path:
@@ -73,7 +73,7 @@ def train(name: str, stages: Sequence[str], jobs: int) -> None:
 def play(name: str, jobs: int) -> None:
     """Play every policy at every difficulty; its costs go to results/grades."""
     parameter, values = GRADED[name]
-    record = recorded(make_task(full_id(f"{name}-v0"), {}).system)
+    record = recorded(make_task(full_id(name), {}).system)
     planner = f"{record[PLANNER]}@{record.get(BASE, record[SIMPLE])}"
     for value in values:
         policies: dict[str, Any] = dict.fromkeys(["myopic", SIMPLE, *(() if name in UNPLANNED else (planner,))])
@@ -81,7 +81,7 @@ def play(name: str, jobs: int) -> None:
             label: folder for label in STAGES if any((folder := folder_of(name, label, value)).glob(f"*/{RUN}"))
         }
         common: dict[str, Any] = {"worlds": WORLDS, "seed": SEED, "jobs": jobs, "progress": False}
-        found = compare(full_id(f"{name}-v0"), policies, **common, **{parameter: value})
+        found = compare(full_id(name), policies, **common, **{parameter: value})
         blocks.add_result(FOLDER / f"{name}.json", f"{value:g}", _figures(found, planner))
 
 

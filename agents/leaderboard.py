@@ -136,6 +136,13 @@ def _bootstrap() -> np.random.Generator:
     return np.random.default_rng([SEED, word("bootstrap")])
 
 
+def simple_cost(name: str) -> Array:
+    """The best heuristic's costs, (member, world), in the latest version of an environment."""
+    file = HEADROOM / f"{full_id(name).rpartition('/')[2]}{TABLE}"
+    cost: Array = read_results(file)[SIMPLE].cost
+    return cost
+
+
 def entry(env_id: str) -> Entry:
     """The results in one environment."""
     name = env_id.rpartition("/")[2]
@@ -363,7 +370,7 @@ def play_and_renew(
         play: of the environment's name and the number of processes.
         renew: of all names.
     """
-    known = sorted({file.name.partition(".")[0].removesuffix("-v0") for file in played.glob("*.csv*")})
+    known = sorted({file.name.partition(".")[0].rpartition("-v")[0] for file in played.glob("*.csv*")})
     parser.add_argument("names", nargs="*", metavar="ENVIRONMENT", help="which (default: all)")
     add_worker_options(parser, jobs=2)
     parser.add_argument("--tables", action="store_true", help="renew the tables from earlier results; play nothing")

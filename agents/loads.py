@@ -23,7 +23,7 @@ from scipy.stats import chi2
 from agents.blocks import read_results
 from agents.dwell_bound import Relaxation
 from agents.leaderboard import ROOT
-from agents.loads_page import AGENT, BASE, FOLDER, LOADS, SIMPLE, renew
+from agents.loads_page import AGENT, BASE, COST_PARTS, FOLDER, LOADS, SIMPLE, renew
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.files import write_whole
@@ -34,17 +34,18 @@ from wavegym.evaluation import make_task, statistics
 from wavegym.evaluation.play import Played, Task, play
 from wavegym.policies.runs import load_policy
 from wavegym.schedulers import RandomChoice
-from wavegym.schedulers.heuristics.cma_search import Budget, searched_constants
 from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
 from wavegym.schedulers.planners.rollout import DwellRollout
-from wavegym.schedulers.tuning import Constants, log_cost, tuned
-from wavegym.systems.multifunction_radar.step_kernels import SEARCH
+from wavegym.schedulers.tuned_constants import Search, tune_heuristic
+from wavegym.schedulers.tuning import Constants
+from wavegym.systems.multifunction_radar.search_flow import best_search
+from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE
 
 NAME = "MultifunctionRadar"
-ENV_ID = f"wavegym/{NAME}-v0"
+ENV_ID = f"wavegym/{NAME}-v1"
 RUNS = ROOT / "results" / "runs" / NAME / "ppo"
 WORLDS, SEED = 60, 0
-TUNING, DESCENT, CMA_ES = 16, 40, 80  # worlds; policies played by coordinate descent, and by CMA-ES
+TUNING, CMA_ES = 100, 80  # worlds, and policies played by CMA-ES
 TUNED_SECONDS = 30.0  # length of an episode for tuning
 TIMED = 300  # decisions of one environment
 QUANTILE = 0.99  # of the chi-squared distribution
@@ -68,17 +69,7 @@ def tune(load: int, found: dict[str, Constants]) -> None:
     system = make_task(ENV_ID, {"targets": float(load), "seconds": TUNED_SECONDS}).system
     worlds = draw_worlds(system, world_seeds(SEED, "tune", TUNING))
     for name in (name for name in TIMELINE if name not in found):
-        heuristic = HEURISTICS[name]
-        if heuristic.intervals:
-            usual = found[SIMPLE]
-            starts = [{**start, **usual} for start in (heuristic.start, *heuristic.also)]
-
-            def cost(constants: Constants, heuristic: Any = heuristic) -> float:
-                return log_cost(system, heuristic.make(**constants), worlds)
-
-            found[name], _ = searched_constants(cost, heuristic.intervals, starts, Budget(CMA_ES, None), SEED)
-        else:
-            found[name], _ = tuned(heuristic.make, heuristic.grid, heuristic.start, system, worlds, DESCENT)
+        found[name] = tune_heuristic(name, system, worlds, Search(CMA_ES, seed=SEED, worlds=TUNING))
         _write(f"constants_{load}.json", found)
 
 
@@ -86,7 +77,8 @@ def results_of(load: int, constants: Mapping[str, Constants], worlds: int) -> di
     """All policies on the test worlds of one load."""
     task = make_task(ENV_ID, {"targets": float(load)})
     played = _compared(task, _policies(task, constants), world_seeds(SEED, "test", worlds), BASE, TIMED)
-    return {"load": load, "worlds": worlds, "policies": played, "bound": _bound(task.system, load)}
+    blind = _blind_search(task.system, played[BASE]["searched"])
+    return {"load": load, "worlds": worlds, "policies": played, "bound": _bound(task.system, load), "blind": blind}
 
 
 def timed_again(results: Mapping[str, Any], constants: Mapping[str, Constants]) -> dict[str, Any]:
@@ -141,6 +133,16 @@ def _bound(system: Any, load: int) -> dict[str, Any]:
     return {"worlds": count, "gap": found.gap, **_estimate(found.worlds[None])}
 
 
+def _blind_search(system: Any, share: float) -> dict[str, float]:
+    """Lower bounds of the cost of undetected targets by belief, in the long run.
+
+    With all of the time, and with the share of it that the best rule searches.
+    """
+    durations = np.array(system.dwells.seconds) + system.overhead
+    shares = {"all of the time": 1.0, f"{100.0 * share:.0f} % of the time": share}
+    return {name: best_search(system.area, system.menu.covers, durations, each).least for name, each in shares.items()}
+
+
 def planners_of(load: int, constants: Mapping[str, Constants]) -> dict[str, Any]:
     """The planners and the heuristic that they follow, on the same worlds."""
     task = make_task(ENV_ID, {"targets": float(load), "seconds": PLANNED_SECONDS})
@@ -175,21 +177,21 @@ def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[st
     """The record, and figures from the info.
 
     These are the mean number of false tracks, the seconds until confirmation at the end, the share of NEES beyond the
-    0.99 quantile, and the share of time in searches.
+    0.99 quantile, the shares of time in searches and in updates, and the shares of the parts of the cost.
     """
     system: Any = task.system
-    false, delay, beyond, searched = [], np.zeros(len(seeds)), [], 0.0
-    is_search = system.dwells.menu[0] == SEARCH
+    false, delay, beyond, parts = [], np.zeros(len(seeds)), [], np.zeros(len(COST_PARTS))
+    kind, spent = system.dwells.menu[0], np.zeros(3)
     quantile = chi2.ppf(QUANTILE, task.system.nees_dimension)
 
     def watch(env: WaveformVectorEnv, info: Mapping[str, Array], running: Array) -> None:
-        nonlocal searched
         false.append(np.sum((info["false_tracks"] * info["duration"])[running]))
         delay[running] = info["confirm_delay"][running]
         nees = info["nees"][running][info["present"][running]]
         beyond.append([np.sum(nees > quantile), len(nees)])
         if "waveform" in info:  # not after the reset
-            searched += (info["duration"] * is_search[info["waveform"]])[running].sum()
+            np.add.at(spent, kind[info["waveform"]][running], info["duration"][running])
+            parts[:] += [info[f"cost_{part}"][running].sum() for part in COST_PARTS]
 
     played = play(task, policy, seeds, watch=watch)
     many, of_all = np.sum(beyond, axis=0)
@@ -197,7 +199,9 @@ def _play(task: Task, policy: Policy, seeds: list[int]) -> tuple[Played, dict[st
         "false_tracks": float(np.sum(false) / played.span.sum()),
         "confirm": float(delay.mean()),
         "beyond": float(many / of_all),
-        "searched": float(searched / played.span.sum()),
+        "searched": float(spent[SEARCH] / played.span.sum()),
+        "updated": float(spent[UPDATE] / played.span.sum()),
+        **dict(zip(COST_PARTS, (parts / parts.sum()).tolist(), strict=True)),
     }
 
 

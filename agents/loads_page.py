@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 FOLDER, PAGE = ROOT / "results" / "loads", ROOT / "docs" / "multifunction_radar.md"
 START, END = "<!-- made by `python -m agents.loads`: -->", "<!-- loads to here -->"
 PICTURE = ROOT / "docs" / "images" / "loads.png"
-LOADS = (4, 8, 16, 32, 64)
+LOADS = (8, 16, 32, 64)
+COST_PARTS = ("undetected", "tentative", "confirmed")
 SIMPLE, BASE, AGENT = "gain-per-second", "searched-dwell", "ppo"
 SHOWN = (0.05, 0.1, 0.2, 0.5)  # ticks of costs for each target
 FARTHEST_SHOWN = 40.0  # per cent; the legend has the costs of policies beyond this
@@ -85,6 +86,8 @@ def table(results: Mapping[str, Any]) -> str:
         "false",
         "confirm s",
         "search",
+        "update",
+        *COST_PARTS,
     ]
     rows = []
     for name, policy in results["policies"].items():
@@ -94,10 +97,13 @@ def table(results: Mapping[str, Any]) -> str:
             row += [shown(policy[half]["value"]), interval(policy[half]["ci"], shown)]
         row += [f"{policy['nees']['value']:.2f}", f"{100.0 * policy['beyond']:.1f} %"]
         row += [f"{policy['lost']:.1f}", f"{policy['false_tracks']:.2f}"]
-        row += [f"{policy['confirm']:.1f}", f"{100.0 * policy['searched']:.0f} %"]
+        row += [f"{policy['confirm']:.1f}"]
+        row += [f"{100.0 * policy[share]:.0f} %" for share in ("searched", "updated", *COST_PARTS)]
         rows.append([*row, f"{policy['microseconds']:.0f}"])
     bound = results["bound"]
-    rows.append(["lower bound", *[""] * 4, number(bound["value"]), interval(bound["ci"], number), *[""] * 7])
+    rows.append(["lower bound", *[""] * 4, number(bound["value"]), interval(bound["ci"], number), *[""] * 11])
+    for time, least in results["blind"].items():
+        rows.append([f"undetected, blind search in {time}", number(least), *[""] * 16])
     return tabulated([*head, "us"], rows)
 
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from agents import blocks
-from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, ROOT, against, play_and_renew
+from agents.leaderboard import LEADERBOARD, PAGE, ROOT, against, play_and_renew, simple_cost
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.files import write_whole
 from wavegym.evaluation import compare, full_id, make_task
@@ -20,7 +20,7 @@ from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.planner_sweep import Swept, best_within, made, read_sweep
 from wavegym.evaluation.report import TABLE, compressed, read_results
 from wavegym.evaluation.table import estimated, tabulated
-from wavegym.schedulers.tuned_constants import SIMPLE, tuned_heuristic
+from wavegym.schedulers.tuned_constants import tuned_heuristic
 
 SWEEPS = ROOT / "results" / "baselines"
 LIMIT = 10.0  # CPU milliseconds of a decision
@@ -30,13 +30,13 @@ START, END = "<!-- made by `python -m agents.quick_planners`: -->", "<!-- quick 
 
 def quick_planner(name: str) -> Swept:
     """The best planner within the limit; the heuristics of a sweep do not count."""
-    rows = read_sweep((SWEEPS / f"{name}-v0.csv").read_text(encoding="utf-8"))
+    rows = read_sweep((SWEEPS / f"{full_id(name).rpartition('/')[2]}.csv").read_text(encoding="utf-8"))
     return best_within([row for row in rows if row.setting.planner], LIMIT)
 
 
 def play(name: str, jobs: int) -> None:
     """Play the planner of an environment; the episodes go to results/leaderboard."""
-    env_id = full_id(f"{name}-v0")
+    env_id = full_id(name)
     setting, system = quick_planner(name).setting, make_task(env_id, {}).system
     bases = {setting.base: tuned_heuristic(setting.base, system, None)} if setting.base else {}
     played = compare(env_id, {PLANNER: made(setting, bases)}, worlds=WORLDS, jobs=jobs, keep=LEADERBOARD)
@@ -53,7 +53,7 @@ def table(names: Sequence[str]) -> str:
         cells = ["", "", "", ""]
         if _file(name).exists():
             planner = read_results(_file(name))[PLANNER].cost
-            simple = read_results(HEADROOM / f"{name}-v0{TABLE}")[SIMPLE].cost
+            simple = simple_cost(name)
             ppo = read_results(LEADERBOARD / f"{name}-ppo{TABLE}")["ppo"].cost
             cells = [*estimated(against(planner, simple)), *estimated(against(ppo, planner))]
         rows.append([name, what, f"{chosen.cpu_ms:.1f}", *cells])

@@ -13,7 +13,16 @@ from collections.abc import Sequence
 from typing import Any
 
 from agents import blocks
-from agents.leaderboard import HEADROOM, LEADERBOARD, PAGE, against, environment_of, play_and_renew, stage_of
+from agents.leaderboard import (
+    HEADROOM,
+    LEADERBOARD,
+    PAGE,
+    against,
+    environment_of,
+    play_and_renew,
+    simple_cost,
+    stage_of,
+)
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.files import write_whole
 from wavegym.evaluation import compare, full_id
@@ -21,7 +30,6 @@ from wavegym.evaluation.adapters import AGENTS, SAVED
 from wavegym.evaluation.headroom import WORLDS
 from wavegym.evaluation.report import TABLE, compressed, read_results
 from wavegym.evaluation.table import estimated, tabulated
-from wavegym.schedulers.tuned_constants import SIMPLE
 
 START, END = "<!-- made by `python -m agents.stages`: -->", "<!-- stages to here -->"
 STAGES = {"scratch": "from rewards alone", "imitation": "from the teacher alone", "both": "from both"}
@@ -44,7 +52,7 @@ def play(name: str, jobs: int) -> None:
             if own is not None and own != algo:
                 folder = SAVED / name / own
                 common: dict[str, Any] = {"worlds": WORLDS, "jobs": jobs, "keep": LEADERBOARD}
-                played = compare(full_id(f"{name}-v0"), {own: folder}, **common, **environment_of(folder))
+                played = compare(full_id(name), {own: folder}, **common, **environment_of(folder))
                 files[f"{name}-{own}{TABLE}"] = compressed(played.by_policy())
     write_whole(LEADERBOARD, files)
 
@@ -53,7 +61,7 @@ def table(algo: str, names: Sequence[str]) -> str:
     """One line for each environment: the cost of each stage against the best heuristic, and the training seeds."""
     rows = []
     for name in names:
-        simple = read_results(HEADROOM / f"{name}-v0{TABLE}")[SIMPLE].cost
+        simple = simple_cost(name)
         cells, seeds = [], []
         for stage in STAGES:
             own = agent(name, algo, stage)

@@ -150,7 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--tables", action="store_true", help="only renew the page")
     given = parser.read(arguments)
     for name in () if given.tables else given.names or NAMES:
-        env_id, file = full_id(f"{check_choice('environment', name, NAMES)}-v0"), FOLDER / f"{name}.json"
+        env_id, file = full_id(check_choice("environment", name, NAMES)), FOLDER / f"{name}.json"
         for recipe in given.recipes:
             found = learned(check_choice("recipe", recipe, RECIPES), env_id)
             blocks.add_result(file, recipe, found)

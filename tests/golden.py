@@ -30,7 +30,7 @@ SLOW: dict[str, tuple[int, dict[str, Any], tuple[str, ...]]] = {  # worlds, para
     "AgileClutter-v0": (WORLDS, {}, POLICIES[:4]),
     "Urban-v0": (WORLDS, {}, POLICIES[:4]),
     "RfEo-v0": (WORLDS, {"horizon": 200}, POLICIES),
-    "MultifunctionRadar-v0": (4, {"horizon": 400}, POLICIES[:3]),
+    "MultifunctionRadar-v1": (4, {"horizon": 400}, POLICIES[:3]),
     "SharedSpectrum-v0": (4, {}, POLICIES),
 }
 MOVED = {  # where the checkout of another commit may have it

@@ -15,7 +15,7 @@ from wavegym.trackers.imm import ImmKalman
 
 BRIEF = {
     "wavegym/UrbanSignal-v0": {"horizon": 12, "pulses": 5, "arrivals": (-5.0, 0.0)},
-    "wavegym/MultifunctionRadar-v0": {"horizon": 300, "settled": 0.0},
+    "wavegym/MultifunctionRadar-v1": {"horizon": 300, "settled": 0.0},
 }
 """Settings for whole episodes of ids whose steps take milliseconds, or whose episodes have thousands of them."""
 

@@ -15,7 +15,7 @@ FEW = 2  # worlds of the quick test; the slow one plays the agents
 NETWORK = 1e-6  # a network is float32: on another processor its point of a box differs by some 1e-7
 # Sectors that look alike have scores that differ in the last bits only. On another processor another one comes first,
 # and all that follows differs: by up to 5 % in three worlds of 400 dwells.
-TIES = {"MultifunctionRadar-v0": 0.2}
+TIES = {"MultifunctionRadar-v1": 0.2}
 
 
 def close(got: list[str], want: list[str], rtol: float = 1e-9) -> None:

@@ -101,7 +101,7 @@ def test_the_command_of_the_page_runs_rl_zoo(tmp_path):
 
 def test_the_settings_on_the_page_are_those_of_the_recipes():
     table = PAGE.partition("\n## Reward and normalisation for each environment\n")[2]
-    rows = [re.findall(r"[^|` ]+", line) for line in table.splitlines() if re.match(r"\| `\w+-v0`", line)]
+    rows = [re.findall(r"[^|` ]+", line) for line in table.splitlines() if re.match(r"\| `\w+-v\d+`", line)]
     common = load_settings("mine/NotInTheFile-v0", "ppo")
     assert [NAMESPACE + row[0] for row in rows] == [id for id in SYSTEMS if load_settings(id, "ppo") != common]
     for name, reward, forecasts, gamma, teacher, masks, normalisation in rows:

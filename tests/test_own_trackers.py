@@ -18,6 +18,7 @@ from wavegym.envs.rewards import REWARDS
 from wavegym.envs.vector import WaveformVectorEnv
 from wavegym.evaluation import compare
 from wavegym.evaluation.play import make_task
+from wavegym.registration import full_id
 from wavegym.schedulers.registry import SCHEDULERS
 from wavegym.systems.composed import LinearTargets, LineOfSightRadar, Loop, Pulses, WeightedTrace
 from wavegym.systems.kershaw_evans.system import KershawEvans, KershawEvansPosition
@@ -116,7 +117,7 @@ ALWAYS_SEEN = {"hidden": (0, 0), "half_field": 1.5, "settle": 0, "detection": 1.
 
 def followed(name, worlds, steps, **settings):
     """NEES (step, env, target), and the beliefs, with actions that change every fourth step."""
-    system = make_task(f"{name}-v0", settings).system
+    system = make_task(name, settings).system
     tapes, rng = oracles.worlds(system, worlds), np.random.default_rng(0)
     states, actions = [system.initial(tapes)], rng.integers(len(system.actions), size=(steps // 4 + 1, worlds))
     for action in np.repeat(actions, 4, axis=0)[:steps]:
@@ -172,7 +173,7 @@ def test_a_scan_is_the_true_targets_with_the_stated_error(name, settings) -> Non
     is 5 % off.
     """
     tracker = Recording()
-    system = make_task(f"{name}-v0", {"tracker": tracker, **settings}).system
+    system = make_task(name, {"tracker": tracker, **settings}).system
     tapes, rng = oracles.worlds(system, 200), np.random.default_rng(0)
     state, found = system.initial(tapes), {}
     for action in np.repeat(rng.integers(len(system.actions), size=(3, 200)), 5, axis=0):
@@ -201,7 +202,7 @@ def test_an_extended_filter_is_consistent_where_the_camera_always_sees() -> None
 def test_schedulers_look_with_the_process_noise_that_the_tracker_believes_in() -> None:
     """Twice the noise in a belief is twice the density; the tracker's own model stays."""
     for name in ("CameraSlew", "SectorSetup"):
-        system = make_task(f"{name}-v0", {}).system
+        system = make_task(name, {}).system
         belief = system.initial(oracles.worlds(system, 2)).belief
         told, doubled = belief._replace(process_noise=system.motion.scaled(2.0 * belief.q).Q), 2.0 * belief.q
         want, every = belief._replace(q=doubled), system.candidates()[None]
@@ -369,7 +370,7 @@ def test_a_memory_of_another_form_is_refused(memory, message) -> None:
 
 @pytest.mark.parametrize("name", ["KershawEvans", "RfEo", "CameraSlew", "SectorSetup", "SectorSetupCity"])
 def test_a_lost_memory_is_refused(name) -> None:
-    env = gym.make_vec(f"wavegym/{name}-v0", num_envs=2, tracker=Forgetful(np.zeros(2)))
+    env = gym.make_vec(full_id(name), num_envs=2, tracker=Forgetful(np.zeros(2)))
     env.reset(seed=1)
     first = np.zeros_like(env.action_space.sample())
     with pytest.raises(InputError, match=r"memory of Forgetful is None, expected an estimate with memory as begin\(\)"):
@@ -408,7 +409,7 @@ class Faulty(ExtendedKalman):
 )
 def test_a_tracker_that_returns_no_estimate_of_the_targets_is_refused(name, how, message) -> None:
     for at in ("predict", "update") if name in ("RfEo", "KershawEvans") else ("predict",):
-        env = gym.make_vec(f"wavegym/{name}-v0", num_envs=2, tracker=Faulty(at, how))
+        env = gym.make_vec(full_id(name), num_envs=2, tracker=Faulty(at, how))
         env.reset(seed=1)
         with pytest.raises(InputError, match=message) as error:  # noqa: PT012
             for _ in range(5):

@@ -90,7 +90,7 @@ SYSTEMS = {
     "wavegym/EnergyBudgetKnown-v0": Registration(
         f"{LOOPS}.energy_budget.known:EnergyBudgetKnown", tier="benchmark", grades={"budget": (0.12, 0.06, 0.03)}
     ),
-    "wavegym/MultifunctionRadar-v0": Registration(
+    "wavegym/MultifunctionRadar-v1": Registration(
         f"{LOOPS}.multifunction_radar.system:MultifunctionRadar",
         f"{LOOPS}.multifunction_radar.scene:RegionScene",
         tier="open",
@@ -243,6 +243,8 @@ def stem(env_id: str) -> str:
 def full_id(env_id: str) -> str:
     """The registered id of ``env_id``, with or without ``wavegym/``; ``package:id`` imports the package first.
 
+    An id without a version is that of the latest one.
+
     Raises:
         InputError: there is none; the nearest is named, or the way to an id of another package.
     """
@@ -252,4 +254,6 @@ def full_id(env_id: str) -> str:
     wanted, known = rest if "/" in rest else NAMESPACE + rest, list_envs()
     if not colon and not nearest(wanted.partition("/")[0], {id.partition("/")[0] for id in known}):
         raise InputError(f"environment is {wanted!r}, expected PACKAGE:{wanted}, with the package that registers it")
-    return check_choice("environment", wanted, known)
+    versions = [id for id in known if id.rpartition("-v")[0] == wanted]
+    latest = max(versions, key=lambda id: int(id.rpartition("-v")[2]), default=wanted)
+    return check_choice("environment", latest, known)

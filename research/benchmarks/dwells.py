@@ -17,7 +17,7 @@ from wavegym.schedulers import RandomChoice
 from wavegym.schedulers.tuned_constants import tuned_heuristic
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
-ENV_ID = "wavegym/MultifunctionRadar-v0"
+ENV_ID = "wavegym/MultifunctionRadar-v1"
 SHAPES = ((1, 64), (64, 16), (64, 64), (64, 256))  # environments, slots
 HEURISTICS = ("van-keuk-blackman", "gain-per-second", "searched-dwell")
 WARM, STEPS, ROUNDS = 200, 100, 7

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from agents import blocks
-from agents.leaderboard import HEADROOM, LEADERBOARD
+from agents.leaderboard import LEADERBOARD, simple_cost
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.errors import check_choice
@@ -22,7 +22,6 @@ from wavegym.core.worlds import word
 from wavegym.evaluation import statistics
 from wavegym.evaluation.report import TABLE, read_results
 from wavegym.evaluation.table import tabulated
-from wavegym.schedulers.tuned_constants import SIMPLE
 
 PAGE = Path(__file__).parents[2] / "docs" / "promises.md"
 START, END = "<!-- made by `python -m research.promises.coverage`: -->", "<!-- coverage to here -->"
@@ -57,7 +56,7 @@ def names() -> list[str]:
 def row(name: str) -> list[str]:
     """An environment's line: the coverage of PPO's first training seed against the best heuristic."""
     own = read_results(LEADERBOARD / f"{name}-ppo{TABLE}")["ppo"].cost[:1]
-    others = read_results(HEADROOM / f"{name}-v0{TABLE}")[SIMPLE].cost[:1]
+    others = simple_cost(name)[:1]
     if (own == others).all():
         return [name, "equal costs", ""]
     return [name, *map(said, covered(own, others))]

@@ -42,7 +42,7 @@ def test_a_root_is_drawn_once_for_a_version(folder: Path, monkeypatch: pytest.Mo
 
 def test_the_agents_of_the_suite_are_those_whose_actions_the_board_admits() -> None:
     ppo, dqn = board.own("ppo"), board.own("dqn")
-    assert "wavegym/MultifunctionRadar-v0" in ppo.policies
+    assert "wavegym/MultifunctionRadar-v1" in ppo.policies
     assert ppo.policies["wavegym/AgileClutter-v0"].parameters == {}
     assert dqn.policies["wavegym/AgileClutter-v0"].parameters == {"action": "joint"}
     assert dqn.policies["wavegym/RfEo-v0"].parameters == {}, (

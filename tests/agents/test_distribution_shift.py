@@ -11,7 +11,7 @@ from agents import distribution_shift as shift
 from agents.experiment import load_experiments
 from wavegym.core.errors import InputError
 from wavegym.evaluation import compare, make_task
-from wavegym.registration import SYSTEMS
+from wavegym.registration import SYSTEMS, full_id
 from wavegym.systems.kershaw_evans.system import KershawEvansPosition
 
 CASES = [(env, name, given) for env, shifts in shift.load_shifts().items() for name, given in shifts.items()]
@@ -20,7 +20,7 @@ CASES = [(env, name, given) for env, shifts in shift.load_shifts().items() for n
 @pytest.mark.parametrize(("env", "name", "given"), CASES, ids=[f"{env}: {name}" for env, name, _ in CASES])
 @pytest.mark.slow
 def test_every_shift_is_another_world_that_shows_the_same_elements(env: str, name: str, given: dict) -> None:
-    env_id = f"wavegym/{env}-v0"
+    env_id = full_id(env)
     assert env_id in SYSTEMS
     here, there = make_task(env_id, {}).system, make_task(env_id, given).system
     assert here != there
@@ -37,7 +37,7 @@ FACTORS = {
 
 @pytest.mark.parametrize(("env", "name", "given"), CASES, ids=[f"{env}: {name}" for env, name, _ in CASES])
 def test_a_shift_changes_as_much_as_its_name_says(env: str, name: str, given: dict) -> None:
-    made_for = make_task(f"wavegym/{env}-v0", {}).system
+    made_for = make_task(env, {}).system
     known = [(key, FACTORS[name, key]) for key in given if (name, key) in FACTORS]
     if hasattr(made_for, "waveforms"):  # errors at the reference SNR, which scales with it: that moves Pd alone
         assert "reference_snr" not in given

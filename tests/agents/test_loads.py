@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -18,11 +19,12 @@ from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
 def brief(monkeypatch, tmp_path):
     """Episodes of 0.6 s, few decisions timed, no agents, and a folder of its own."""
     monkeypatch.setattr(loads, "make_task", lambda env_id, given: make_task(env_id, {**given, "seconds": 0.6}))
-    for name, value in {"TIMED": 4, "RUNS": tmp_path / "none", "FOLDER": tmp_path, "TUNING": 2, "DESCENT": 3}.items():
+    for name, value in {"TIMED": 4, "RUNS": tmp_path / "none", "FOLDER": tmp_path, "TUNING": 2, "CMA_ES": 6}.items():
         monkeypatch.setattr(loads, name, value)
     monkeypatch.setattr(loads_page, "PAGE", tmp_path / "page.md")
     monkeypatch.setattr(loads_page, "PICTURE", tmp_path / "loads.png")
-    monkeypatch.setattr(loads, "CMA_ES", 6)
+    for name in TIMELINE:
+        monkeypatch.setitem(HEURISTICS, name, dataclasses.replace(HEURISTICS[name], budget=3))
     loads_page.PAGE.write_text(f"before\n{loads_page.START}\n{loads_page.END}\nafter\n")
     return tmp_path
 
@@ -46,7 +48,15 @@ def test_every_policy_is_played_and_its_figures_are_those_of_play(brief):
     assert all(policy["microseconds"] > 0.0 for policy in found["policies"].values())
     assert all(0.0 <= policy["beyond"] <= 1.0 for policy in found["policies"].values())
     assert 0.0 < found["bound"]["value"] < shown["truth"]["value"]
-    assert all(0.0 < policy["searched"] < 1.0 for policy in found["policies"].values())
+    others = [policy for rule, policy in found["policies"].items() if rule != name]  # it needs no update in 0.6 s
+    assert all(0.0 < policy["searched"] < 1.0 for policy in others)
+    for policy in found["policies"].values():
+        assert sum(policy[part] for part in loads_page.COST_PARTS) == pytest.approx(1.0, rel=1e-12)
+        assert policy["searched"] + policy["updated"] <= 1.0 + 1e-12
+    shares = found["policies"][loads_page.BASE]
+    assert 0.0 < shares["updated"] < 1.0
+    least, most = found["blind"].values()
+    assert 0.0 < least < most
     assert np.isfinite([policy["confirm"] for policy in found["policies"].values()]).all()
 
 
@@ -71,7 +81,7 @@ def test_the_agent_is_compared_with_every_policy(monkeypatch):
 
 @pytest.mark.slow
 def test_the_page_has_a_table_for_each_load_one_of_planners_and_a_picture(brief, monkeypatch):
-    for load in (4, 8):
+    for load in (8, 16):
         constants = {"earliest-deadline": HEURISTICS["earliest-deadline"].start}
         loads.tune(load, constants)
         assert set(constants) == set(TIMELINE)
@@ -82,13 +92,13 @@ def test_the_page_has_a_table_for_each_load_one_of_planners_and_a_picture(brief,
     monkeypatch.setattr(loads, "PLANNERS", ((1, 2),))
     monkeypatch.setattr(loads, "PLANNED_SECONDS", 0.6)
     monkeypatch.setattr(loads, "PLANNED_DECISIONS", 2)
-    result = loads.planners_of(4, constants)
+    result = loads.planners_of(8, constants)
     (brief / "planners.json").write_text(json.dumps(result))
     planned = result["policies"]
     assert list(planned) == ["searched-dwell", "dwell-rollout:1, 2 dwells"]
     assert planned["searched-dwell"]["against"]["value"] == 0.0
     monkeypatch.setattr(loads, "SHIFTS", {"a wide beam": {"beam_width": 3.0}, "far": {"reference_range": 80e3}})
-    result = loads.shifts_of(4, constants, worlds=3)
+    result = loads.shifts_of(8, constants, worlds=3)
     (brief / "shifts.json").write_text(json.dumps(result))
     shifted = result["shifts"]
     assert shifted["a wide beam"]["searched-dwell"]["belief"] != shifted["far"]["searched-dwell"]["belief"]
@@ -97,9 +107,10 @@ def test_the_page_has_a_table_for_each_load_one_of_planners_and_a_picture(brief,
     page = loads_page.PAGE.read_text()
     assert page.startswith("before\n")
     assert page.endswith("after\n")
-    assert page.index("### 4 targets, 3 worlds") < page.index("### 8 targets, 3 worlds")
+    assert page.index("### 8 targets, 3 worlds") < page.index("### 16 targets, 3 worlds")
     assert page.count("van-keuk-blackman") == 4
-    assert page.index("### Planners at 4 targets") < page.index("### Changed radars") < page.index("| far")
+    assert page.index("### Planners at 8 targets") < page.index("### Changed radars") < page.index("| far")
     assert page.count("lower bound") == 2
-    assert page.index("### 8 targets, 3 worlds") < page.index("### Planners at 4 targets")
+    assert page.count("blind search in all of the time") == 2
+    assert page.index("### 16 targets, 3 worlds") < page.index("### Planners at 8 targets")
     assert loads_page.PICTURE.read_bytes().startswith(b"\x89PNG")

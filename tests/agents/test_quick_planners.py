@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents import quick_planners
+from agents import leaderboard, quick_planners
 from wavegym.evaluation import compare
 from wavegym.evaluation.planner_sweep import Setting, Swept, as_csv
 from wavegym.evaluation.report import compressed
@@ -25,7 +25,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a sweep, and with empty places for the ladder and the episodes."""
     for name in ("SWEEPS", "HEADROOM", "LEADERBOARD"):
         (tmp_path / name).mkdir()
-        monkeypatch.setattr(quick_planners, name, tmp_path / name)
+        monkeypatch.setattr(leaderboard if name == "HEADROOM" else quick_planners, name, tmp_path / name)
     monkeypatch.setattr(quick_planners, "WORLDS", 4)
     monkeypatch.setattr(quick_planners, "PAGE", tmp_path / "page.md")
     (tmp_path / "page.md").write_text(f"before\n{quick_planners.START}\n{quick_planners.END}\nafter\n")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from runs_for_tests import ID
 
-from agents import stages
+from agents import leaderboard, stages
 from wavegym.evaluation import compare
 from wavegym.evaluation.report import compressed
 from wavegym.schedulers import Myopic
@@ -34,7 +34,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbroken: dict[str,
     changed(tmp_path / "runs" / NAME / "ppo-both" / "seed0", teacher="myopic", steps=2000)
     for name, folder in {"SAVED": "runs", "HEADROOM": "headroom", "LEADERBOARD": "leaderboard"}.items():
         (tmp_path / folder).mkdir(exist_ok=True)
-        monkeypatch.setattr(stages, name, tmp_path / folder)
+        monkeypatch.setattr(leaderboard if name == "HEADROOM" else stages, name, tmp_path / folder)
     monkeypatch.setattr(stages, "WORLDS", 4)
     monkeypatch.setattr(stages, "environment_of", lambda folder: {"horizon": 7})
     (tmp_path / "PAGE").write_text(f"before\n{stages.START}\n{stages.END}\nafter\n")

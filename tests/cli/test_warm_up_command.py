@@ -41,8 +41,8 @@ def test_after_it_nothing_is_compiled(capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_what_planners_call_is_compiled_too() -> None:
     """``predict``, and futures on a time line."""
-    assert main(["warm-up", "MultifunctionRadar-v0", "--jobs", "1"]) == 0
-    env = gym.make("wavegym/MultifunctionRadar-v0").unwrapped
+    assert main(["warm-up", "MultifunctionRadar-v1", "--jobs", "1"]) == 0
+    env = gym.make("wavegym/MultifunctionRadar-v1").unwrapped
     env.reset(seed=0)
     seen = Compiled()
     with event.install_listener("numba:compile", seen):

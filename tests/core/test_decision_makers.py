@@ -12,6 +12,7 @@ from wavegym.core.action_sets import JointLibrary, Library, Parameter, Parameter
 from wavegym.core.parameters import system_parameters
 from wavegym.core.policy import decision_makers, makers_by_form
 from wavegym.core.traits import DecisionMaker, DecisionMakers
+from wavegym.registration import full_id
 from wavegym.testing.shortcut_check import shortcut_defect
 
 LIBRARY = Library(("short", "long"))
@@ -45,7 +46,7 @@ def test_a_box_without_a_number_for_each_sensor_has_one(names):
 @pytest.mark.parametrize(("name", "fields"), OWNED.items())
 def test_the_suite_declares_whose_fields_are_whose(name, fields):
     """Every field at a sensor names the sensor in its meaning, whatever this sensor is called."""
-    system = gym.make(f"wavegym/{name}-v0").unwrapped.system
+    system = gym.make(full_id(name)).unwrapped.system
     makers = decision_makers(system)
     assert [len(maker.fields) for maker in makers] == [fields, fields]
     for number, maker in enumerate(makers, 1):
@@ -57,8 +58,8 @@ def test_the_suite_declares_whose_fields_are_whose(name, fields):
 @pytest.mark.parametrize("form", ["library", "joint", "box"])
 @pytest.mark.parametrize("name", ["AgileClutter", "RfEo", "RfEoFar"])
 def test_every_form_has_the_same_decision_makers(name, form):
-    system = gym.make(f"wavegym/{name}-v0", action=form).unwrapped.system
-    default = gym.make(f"wavegym/{name}-v0").unwrapped.system
+    system = gym.make(full_id(name), action=form).unwrapped.system
+    default = gym.make(full_id(name)).unwrapped.system
     assert [m._replace(parameters=()) for m in decision_makers(system)] == [
         m._replace(parameters=()) for m in decision_makers(default)
     ]

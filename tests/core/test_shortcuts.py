@@ -291,7 +291,7 @@ OFFERED = {
     "EnergyBudget": f"{CLUTTER} constants delay fused_transition gain linear_cost spending",
     "EnergyBudgetKnown": f"{CLUTTER} constants delay fused_transition gain linear_cost spending",
     "SharedSpectrum": "TimedPulses baselines best_action fused_transition measured_fields named_constants sensed_band",
-    "MultifunctionRadar": "TimedPulses TrackSlots UnequalSteps constants gain_per_second resting_cost scores simulate",
+    "MultifunctionRadar": "TimedPulses TrackSlots UnequalSteps constants cost_to_come gain_per_second scores simulate",
 }
 
 

@@ -6,9 +6,10 @@ import pytest
 from matplotlib.figure import Figure
 
 import wavegym
+from wavegym import registration
 from wavegym.core.errors import InputError
 from wavegym.envs.film import make_scene
-from wavegym.registration import RECORDS
+from wavegym.registration import RECORDS, SYSTEMS, full_id
 from wavegym.systems.kershaw_evans.scene import LineOfSightScene
 from wavegym.systems.kershaw_evans.system import KershawEvans
 
@@ -129,3 +130,15 @@ def test_a_scene_that_is_not_there_is_named_when_it_is_drawn():
             make_scene(Mine(), Figure().subfigures(1, 1))
     finally:
         del gym.registry["tests/Mine-v0"], RECORDS["tests/Mine-v0"]
+
+
+def test_an_id_without_a_version_is_the_latest_and_an_old_one_names_it(monkeypatch):
+    versions = {f"wavegym/MultifunctionRadar-v{n}": SYSTEMS["wavegym/MultifunctionRadar-v1"] for n in (1, 9, 10)}
+    monkeypatch.setattr(registration, "list_envs", lambda: [*SYSTEMS, *versions])
+    assert full_id("MultifunctionRadar") == full_id("wavegym/MultifunctionRadar") == "wavegym/MultifunctionRadar-v10"
+    assert full_id("KershawEvans") == "wavegym/KershawEvans-v0"
+    monkeypatch.undo()
+    with pytest.raises(gym.error.DeprecatedEnv, match="use `wavegym/MultifunctionRadar-v1`"):
+        gym.make_vec("wavegym/MultifunctionRadar-v0", num_envs=1)
+    with pytest.raises(InputError, match="did you mean 'wavegym/MultifunctionRadar-v1'"):
+        full_id("MultifunctionRadar-v0")

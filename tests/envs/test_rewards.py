@@ -293,24 +293,29 @@ def test_where_steps_differ_in_length_no_reward_is_relative():
         envs.reset(seed=0)
 
 
-def test_the_shaped_cost_has_the_cost_of_rest_as_its_potential():
-    """Rewards sum up to the cost, except for the ends; without traffic, the potential is the cost of a long wait."""
+def test_the_shaped_cost_has_the_cost_to_come_as_its_potential():
+    """Rewards sum up to the cost, except for the ends; the potential is the cost of a long wait, and that of targets to
+    be found.
+    """
     envs = WaveformVectorEnv(MultifunctionRadar, 3, reward="shaped-cost", slots=12, targets=5.0)
     envs.reset(seed=2)
-    first, total, cost = shortcuts.resting_cost(envs.system, envs.belief, ShapedCost.SECONDS), np.zeros(3), np.zeros(3)
+    first, total, cost = shortcuts.cost_to_come(envs.system, envs.belief, ShapedCost.SECONDS), np.zeros(3), np.zeros(3)
     rule = envs.policy("round-robin")
     for _ in range(60):
         _, rewards, _, _, info = envs.step(rule())
         total, cost = total + rewards, cost + info["cost"]
-    last = shortcuts.resting_cost(envs.system, envs.belief, ShapedCost.SECONDS)
+    last = shortcuts.cost_to_come(envs.system, envs.belief, ShapedCost.SECONDS)
     np.testing.assert_allclose(total, -(cost + last - first) / envs.system.c0, rtol=1e-9)
     resting = dataclasses.replace(envs.system, targets=0.0, dt=ShapedCost.SECONDS)
     alone = envs.belief._replace(undetected=np.zeros_like(envs.belief.undetected))
     waits = np.full(3, len(resting.actions) - 1)
     np.testing.assert_allclose(
-        shortcuts.resting_cost(resting, alone, ShapedCost.SECONDS),
+        shortcuts.cost_to_come(resting, alone, ShapedCost.SECONDS),
         resting.cost(resting.predict(alone, waits)),
         rtol=1e-12,
     )
-    with pytest.raises(InputError, match="of KershawEvansPosition, it has no resting_cost"):
+    nobody = envs.belief._replace(existence=np.zeros_like(envs.belief.existence))
+    want = resting.c0 * (nobody.undetected * 0.5 * resting.value_of_find**0.75).sum(axis=(1, 2, 3))
+    np.testing.assert_allclose(shortcuts.cost_to_come(resting, nobody, ShapedCost.SECONDS), want, rtol=1e-12)
+    with pytest.raises(InputError, match="of KershawEvansPosition, it has no cost_to_come"):
         WaveformVectorEnv(KershawEvansPosition, 2, reward="shaped-cost").reset(seed=0)

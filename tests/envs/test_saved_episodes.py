@@ -10,6 +10,7 @@ import pytest
 
 import wavegym  # noqa: F401
 from wavegym.core.files import packed, unpacked
+from wavegym.registration import full_id
 
 IDS = {
     "KershawEvansPosition": {"reward": "relative"},
@@ -23,7 +24,7 @@ IDS = {
 
 
 def made(name: str, settings: dict[str, Any]) -> Any:
-    return gym.make_vec(f"wavegym/{name}-v0", num_envs=3, max_episode_steps=6, **settings)
+    return gym.make_vec(full_id(name), num_envs=3, max_episode_steps=6, **settings)
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -54,6 +55,6 @@ def test_episodes_of_other_environments_are_refused() -> None:
     saved = made("KershawEvansPosition", {})
     saved.reset(seed=1)
     for name, count in (("AgileClutter", 3), ("KershawEvansPosition", 2)):
-        other = gym.make_vec(f"wavegym/{name}-v0", num_envs=count)
+        other = gym.make_vec(full_id(name), num_envs=count)
         with pytest.raises(ValueError, match="expected"):
             other.unwrapped.restore(saved.unwrapped.saved())

@@ -152,7 +152,7 @@ def test_the_command_plays_and_its_mistakes_are_one_line(
 
 def test_the_board_has_every_environment_with_a_rule_on_record() -> None:
     assert ID in suite()
-    assert "wavegym/MultifunctionRadar-v0" in suite()
+    assert "wavegym/MultifunctionRadar-v1" in suite()
     assert "wavegym/UrbanSignal-v0" not in suite()
 
 

@@ -23,7 +23,7 @@ from wavegym.learning.training_run import TrainingRun
 from wavegym.policies.runs import CURVE, POLICY
 
 STEPS, ENVS, GAMMA, LAMBDA = 7, 3, 0.6, 0.8
-RADAR = "wavegym/MultifunctionRadar-v0"
+RADAR = "wavegym/MultifunctionRadar-v1"
 
 
 def small_run(**changes):

@@ -7,14 +7,15 @@ import pytest
 from wavegym.core import shortcuts
 from wavegym.core.errors import InputError
 from wavegym.envs import WaveformVectorEnv
-from wavegym.observations.forecasts import AHEAD, FLOOR, LEAST, LOOKS, Forecasts
+from wavegym.observations.forecasts import FLOOR, LEAST, LOOKS, POWERS, Forecasts
+from wavegym.registration import full_id
 from wavegym.testing import check_vector_env
 
 ALL = ["KershawEvansPosition", "CameraSlew", "SectorSetup", "BeamAllocation", "EnergyBudget", "EnergyBudgetKnown"]
 
 
 def played(name: str, steps: int = 4) -> WaveformVectorEnv:
-    env = gym.make_vec(f"wavegym/{name}-v0", num_envs=5, forecasts=True)
+    env = gym.make_vec(full_id(name), num_envs=5, forecasts=True)
     env.reset(seed=0)
     for _ in range(steps):
         env.step(np.argmax(env.unwrapped.action_masks(), axis=1))
@@ -53,7 +54,7 @@ def test_they_follow_the_systems_own_fields_and_are_its_predictions(name):
 
 
 def test_forecasts_of_tracks_in_slots_are_gains_per_second_and_the_state_of_the_track():
-    env = gym.make_vec("wavegym/MultifunctionRadar-v0", num_envs=4, forecasts=True, slots=20).unwrapped
+    env = gym.make_vec("wavegym/MultifunctionRadar-v1", num_envs=4, forecasts=True, slots=20).unwrapped
     env.reset(seed=0)
     for _ in range(30):
         env.step(shortcuts.gain_per_second(env.system, env.belief).argmax(axis=1))
@@ -61,9 +62,9 @@ def test_forecasts_of_tracks_in_slots_are_gains_per_second_and_the_state_of_the_
     fields, own = Forecasts(system).candidate_fields, len(system.observation_fields)
     raw = env.episodes.observe()[0][:, own:].reshape(4, len(system.actions), len(fields)).astype(np.float64)
     shown = {f.name: raw[..., i] * f.scale + f.centre for i, f in enumerate(fields)}
-    for ahead in AHEAD:
-        want = np.log10(LEAST + np.maximum(shortcuts.gain_per_second(system, belief, ahead, 1.0), 0.0) / system.c0)
-        np.testing.assert_allclose(shown[f"log10_gain_{ahead:g}"], want, atol=1e-5)
+    for power in POWERS:
+        want = np.log10(LEAST + shortcuts.gain_per_second(system, belief, 1.0, power) / system.c0)
+        np.testing.assert_allclose(shown[f"log10_gain_{power:g}"], want, atol=1e-5)
     rows, updates = system.slots_now(belief), 20 * 4
     taken = (rows[..., 0] > 0).repeat(4, axis=1)
     assert 0 < taken.sum() < taken.size
@@ -73,19 +74,27 @@ def test_forecasts_of_tracks_in_slots_are_gains_per_second_and_the_state_of_the_
     pointing = rows[..., 3].repeat(4, axis=1)
     np.testing.assert_allclose(2.0 ** shown["log2_pointing"][:, :updates][taken], pointing[taken], rtol=1e-5)
     np.testing.assert_allclose(shown["age"][:, :updates], rows[..., 6].repeat(4, axis=1), atol=1e-5)
+    for name, column, factor in (
+        ("value", 9, 1.0),
+        ("velocity", 5, 1.0),
+        ("density", 7, 1.0),
+        ("snr", 8, system.dwells.menu[3][:updates]),
+    ):
+        want = (rows[..., column].repeat(4, axis=1) * factor)[taken]
+        np.testing.assert_allclose(2.0 ** shown[f"log2_{name}"][:, :updates][taken], want, rtol=1e-5)
     assert not shown["existence"][:, updates:].any()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["KershawEvansPosition", "EnergyBudgetKnown"])
 def test_the_environment_stays_a_sound_one(name):
-    check_vector_env(lambda **settings: gym.make_vec(f"wavegym/{name}-v0", forecasts=True, **settings))
+    check_vector_env(lambda **settings: gym.make_vec(full_id(name), forecasts=True, **settings))
 
 
 @pytest.mark.parametrize("name", ["AgileClutter", "RfEo"])
 def test_a_system_with_too_many_candidates_has_none(name):
     with pytest.raises(InputError, match=rf"forecasts were asked for in {name}, expected one index for at most 256"):
-        gym.make_vec(f"wavegym/{name}-v0", num_envs=2, forecasts=True)
+        gym.make_vec(full_id(name), num_envs=2, forecasts=True)
 
 
 def test_a_flag_is_wanted():

@@ -148,7 +148,7 @@ def test_a_list_that_would_hold_a_whole_library_is_none_and_shows_its_forecasts(
         ("RfEo-v0", {"candidates": 0}, "candidates is 0, expected an integer >= 1 (nearest: 1)"),
         ("RfEo-v0", {"candidates": 2.5}, "candidates is 2.5, expected an integer >= 1 (nearest: 2)"),
         ("RfEo-v0", {"candidates": "myopic"}, "candidates is 'myopic', expected an integer >= 1 (nearest: 1)"),
-        ("MultifunctionRadar-v0", {"candidates": 8}, "candidates is 8 in MultifunctionRadar, expected forecasts=True"),
+        ("MultifunctionRadar-v1", {"candidates": 8}, "candidates is 8 in MultifunctionRadar, expected forecasts=True"),
         ("KershawEvans-v0", {"candidates": 8, "observation": "measurements"}, "candidates is 8 with observation="),
     ],
 )

@@ -34,11 +34,12 @@ from wavegym.learning.train import train
 from wavegym.learning.training_run import TrainingRun
 from wavegym.policies.networks import MARGIN, RANGE_KEY, LearnedPolicy, Network, TrainingRange
 from wavegym.policies.runs import PRETRAINED, load_policy
+from wavegym.registration import full_id
 from wavegym.schedulers import Myopic
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
 SECTOR, CLUTTER, POSITION, RADAR = (
-    f"wavegym/{name}-v0" for name in ("SectorSetup", "AgileClutter", "KershawEvansPosition", "MultifunctionRadar")
+    full_id(name) for name in ("SectorSetup", "AgileClutter", "KershawEvansPosition", "MultifunctionRadar")
 )
 SCORER = {"policy": "scorer", "network": (16, 16, 8), "forecasts": True}
 CASES: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {

@@ -25,6 +25,7 @@ from wavegym.observations.forecasts import PRESENT
 from wavegym.policies.networks import LearnedPolicy, Network
 from wavegym.policies.onnx_files import OnnxPolicy, export_onnx, to_onnx
 from wavegym.policies.runs import ALIKE, PRETRAINED, RUN, load_policy, read_network, read_run, shown_in
+from wavegym.registration import full_id
 from wavegym.schedulers import RandomChoice
 
 ROUNDING = 64 * np.finfo(np.float32).eps  # relative to the largest score: sums of float32 in another order
@@ -206,7 +207,7 @@ class Shadowed:
 @pytest.mark.parametrize("name", KINDS)
 def test_an_exported_agent_plays_as_the_agent(name: str, tmp_path: Path) -> None:
     """Except for choices between values that differ in the last bits: these depend on the processor."""
-    env_id, (worlds, steps) = f"wavegym/{name.split('/')[0]}-v0", KINDS[name]
+    env_id, (worlds, steps) = full_id(name.split("/")[0]), KINDS[name]
     given = {"slots": 32} if "Multifunction" in name else {}  # an ONNX file has a fixed size
     task, file = make_task(env_id, given), tmp_path / "mine.onnx"
     export_onnx(PRETRAINED / name, file)

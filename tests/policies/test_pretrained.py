@@ -65,15 +65,15 @@ def test_the_folder_of_a_run_is_an_agent_too_and_one_of_ranks_plays_without_a_li
     np.testing.assert_array_equal(*actions)
 
 
-@pytest.mark.parametrize("parameters", [{}, {"slots": 20}, {"targets": 12.0}], ids=str)
+@pytest.mark.parametrize("parameters", [{}, {"slots": 20}, {"targets": 12.0}, {"acceleration": (8.0, 100.0)}], ids=str)
 def test_an_agent_of_several_variants_is_at_home_in_all(parameters: dict, recwarn: pytest.WarningsRecorder) -> None:
-    wavegym.load_agent("MultifunctionRadar-v0", "ppo", **parameters)
+    wavegym.load_agent("MultifunctionRadar-v1", "ppo", **parameters)
     assert not recwarn.list
 
 
 def test_where_an_agent_of_several_variants_was_not_it_says_so() -> None:
     with pytest.warns(InputWarning, match=r"parameters that differ: beam_width=3.0 \(training: 1.5\)$"):
-        wavegym.load_agent("MultifunctionRadar-v0", "ppo", beam_width=3.0)
+        wavegym.load_agent("MultifunctionRadar-v1", "ppo", beam_width=3.0)
 
 
 @pytest.mark.parametrize(

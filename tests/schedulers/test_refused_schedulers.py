@@ -72,7 +72,7 @@ NUMBERS = [
     (lambda: BeamSearch(BASE, 0), "beam width is 0"),
     (lambda: MonteCarloTree(BASE, 0), "simulations is 0"),
     (lambda: PlanOnce(BASE, -1), "rounds is -1"),
-    (lambda: DwellRollout(GainPerSecond(0.5, 1.0), 1),
+    (lambda: DwellRollout(GainPerSecond(1.0, 0.5), 1),
      "base of dwell-rollout is 'gain-per-second', expected 'searched-dwell'"),
 ]  # fmt: skip
 ONE, DWELLS = KershawEvansPosition(), MultifunctionRadar()

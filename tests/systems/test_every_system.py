@@ -19,7 +19,7 @@ from wavegym.core.errors import InputError
 from wavegym.core.parameters import parameter_infos
 from wavegym.envs import WaveformVectorEnv
 from wavegym.evaluation.play import make_task
-from wavegym.registration import SYSTEMS
+from wavegym.registration import SYSTEMS, full_id
 from wavegym.schedulers.registry import make_policy
 from wavegym.testing import check_vector_env
 from wavegym.testing.check import prediction_defect
@@ -63,7 +63,7 @@ EVERY = pytest.mark.parametrize(
 
 
 def made(name: str, settings: dict[str, Any], **more: Any) -> Any:
-    return make_task(f"{name}-v0", {**settings, **more}).system
+    return make_task(name, {**settings, **more}).system
 
 
 def drawn(system: Any, count: int, seed: int = 0) -> np.ndarray:
@@ -402,7 +402,7 @@ def test_a_world_may_differ_in_its_laws_alone(name, truth, words):
 
 @pytest.mark.parametrize("name", [id.removeprefix("wavegym/")[:-3] for id in SYSTEMS if "Multi" not in id])
 def test_the_info_of_a_step_holds_the_measurements(name):
-    env = gym.make_vec(f"wavegym/{name}-v0", num_envs=2, measurements=True, **BRIEF.get(f"wavegym/{name}-v0", {}))
+    env = gym.make_vec(full_id(name), num_envs=2, measurements=True, **BRIEF.get(full_id(name), {}))
     env.reset(seed=1)
     found = {key: value for key, value in env.step(env.action_space.sample())[-1].items() if "measured_" in key[:9]}
     assert found
@@ -436,4 +436,4 @@ CONFORMING: tuple[Variant, ...] = (
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "settings"), CONFORMING, ids=str)
 def test_it_does_what_gymnasiums_vector_environment_does(name, settings):
-    check_vector_env(f"wavegym/{name}-v0", max_steps=60, **settings)
+    check_vector_env(full_id(name), max_steps=60, **settings)

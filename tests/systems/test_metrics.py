@@ -16,7 +16,7 @@ from wavegym.schedulers import RandomChoice
 from wavegym.schedulers.rollout import allowed
 
 URBAN = ("wavegym/Urban-v0", "wavegym/UrbanSignal-v0")  # their tracks belong to no target
-SLOTS = ("wavegym/MultifunctionRadar-v0",)  # as do these; tests of its own
+SLOTS = ("wavegym/MultifunctionRadar-v1",)  # as do these; tests of its own
 
 
 def later(env_id, steps=3):

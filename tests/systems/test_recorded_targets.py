@@ -11,7 +11,7 @@ from wavegym.core import trees
 from wavegym.core.errors import InputError
 from wavegym.core.traits import RecordedTargets, lacks_trait
 from wavegym.evaluation import make_task
-from wavegym.registration import SYSTEMS
+from wavegym.registration import SYSTEMS, full_id
 from wavegym.testing.shortcut_check import shortcut_defect
 
 # First position [m] and velocity [m/s] of targets on straight lines, in the scene of every system
@@ -41,7 +41,7 @@ def recording(tmp_path_factory) -> Path:
 
 
 def made(name: str, **changes):
-    return make_task(f"wavegym/{name}-v0", changes).system
+    return make_task(name, changes).system
 
 
 def recorded(name: str, file: Path, **changes):
@@ -125,12 +125,12 @@ def test_every_shortcut_agrees_with_the_contract(name, recording):
 
 def test_every_system_with_a_motion_model_plays_recordings():
     offering = {id for id in SYSTEMS if not lacks_trait(make_task(id, {}).system, RecordedTargets)}
-    assert offering >= {f"wavegym/{name}-v0" for name in (*PLANAR, *LINE)}
+    assert offering >= {full_id(name) for name in (*PLANAR, *LINE)}
     streets, traffic = (
         ("SectorSetupCity", "Urban", "UrbanSignal"),
         ("MultifunctionRadar", "SharedSpectrum"),
     )  # with targets of their own
-    others = {f"wavegym/{name}-v0" for name in (*streets, *traffic)}
+    others = {full_id(name) for name in (*streets, *traffic)}
     assert {*SYSTEMS} - offering == others
 
 

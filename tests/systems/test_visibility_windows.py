@@ -137,7 +137,7 @@ def test_too_few_draws_are_refused():
 @pytest.mark.parametrize("windows", [(), ((2, 5, 9), (0, 0, 59))])
 def test_what_is_observed_is_what_comes(name, windows):
     """Whether a target is visible, for how long at most ten steps, and in what share of them; none is at the end."""
-    system = make_task(f"{name}-v0", {"windows": windows} if windows else {}).system
+    system = make_task(name, {"windows": windows} if windows else {}).system
     worlds, column = oracles.worlds(system, 20), {e.name: i for i, e in enumerate(system.observation_fields)}
     state, count = system.initial(worlds), system.horizon
     visible, targets = state.belief.visible, state.belief.visible.shape[2]

@@ -250,15 +250,17 @@ def gain_per_second(system: Any, belief: Any, *args: Any) -> Array:  # type: ign
     """The reduction of the later cost by each candidate's step, per second of its duration, (env, candidate).
 
     The one-step scheduler takes the candidate with the greatest gain, because costs of steps of different lengths are
-    not comparable. With ``TrackSlots`` there are two more arguments. ``ahead`` are the seconds that count after an
-    update; several values make a last axis. ``worth`` is the value of a target found by a search, in seconds of its
-    full cost.
+    not comparable. With ``TrackSlots`` there are two more arguments. A find is worth ``worth`` times its value, in
+    seconds of its full cost, to the power ``power``. Several powers make a last axis.
     """
 
 
 @shortcut("predict", "cost")
-def resting_cost(system: Any, belief: Any, seconds: float) -> Array:  # type: ignore[empty-body]
-    """Expected cost of the coming ``seconds`` if the beam rested, (env,); for ``TrackSlots``."""
+def cost_to_come(system: Any, belief: Any, seconds: float) -> Array:  # type: ignore[empty-body]
+    """Cost of the tracks in the coming ``seconds`` if the beam rested, and that of targets to be found, (env,).
+
+    For ``TrackSlots``.
+    """
 
 
 @shortcut("predict", "cost")

@@ -35,7 +35,7 @@ class TrackSlots(ABC):
 
         Columns: probability of existence, range (m), azimuth (rad); standard deviations of the azimuth (beam widths),
         the position (m) and the velocity (m/s); seconds since the last update; expected density of the acceleration
-        (m^2/s^3); and E/N0 of a second of transmission.
+        (m^2/s^3); E/N0 of a second of transmission; and the value of a find at its place, in s of its full cost.
         """
 
     @property
@@ -47,19 +47,17 @@ class TrackSlots(ABC):
 class DwellRule(NamedTuple):
     """The constants of a rule for one beam on a time line.
 
-    An update scores ln(G(ahead) + far G(later)) + tentative [if the track is] + long ln(duration), with the gain per
-    second G of a number of seconds ahead. A search scores ln(worth x what it finds per second in full cost) +
-    long_search ln(duration) + load ln(1 + number of tracks).
+    A dwell scores ln(G), where G is its gain per second. An update adds tentative [if the track is] + long
+    ln(duration), and a search adds long_search ln(duration) + load ln(1 + number of tracks). A find counts ``worth``
+    times the power ``power`` of its value.
     """
 
-    ahead: float
-    later: float
-    far: float
-    tentative: float
-    long: float
-    worth: float
-    long_search: float
-    load: float
+    tentative: float = 0.0
+    long: float = 0.0
+    worth: float = 0.5
+    power: float = 0.75
+    long_search: float = 0.0
+    load: float = 0.0
 
 
 class DecisionMaker(NamedTuple):

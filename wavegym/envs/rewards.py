@@ -16,7 +16,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_choice, check_positive
 from wavegym.core.policy import Policy
 from wavegym.core.registry import Registry
-from wavegym.core.shortcuts import resting_cost
+from wavegym.core.shortcuts import cost_to_come
 from wavegym.core.system import State, System
 from wavegym.core.traits import UnequalSteps
 from wavegym.schedulers import Myopic, rollout
@@ -113,25 +113,26 @@ class CostInTargets(Cost):
 
 
 class ShapedCost(Cost):
-    """Minus the cost divided by c0, and minus the change of the cost to come if the beam rests.
+    """Minus the cost divided by c0, and minus the change of the cost to come.
 
     This is potential-based shaping (Ng, Harada and Russell, 1999): a dwell is credited with the predicted cost it
-    saves. So an agent need not find its effect among those of the next hundred dwells. The sum over an episode is that
-    of "cost-in-targets", except for the two ends.
+    saves, a find with that of all the time until the target would have been found anyway. So an agent need not find its
+    effect among those of the next hundred dwells. The sum over an episode is that of "cost-in-targets", except for the
+    two ends.
     """
 
     SECONDS = 0.7  # a usual time between two updates of a track
 
     def begin(self, system: System, world: Any) -> None:
-        """Nothing to remember. Raises an InputError where the system has no ``resting_cost``."""
-        if why := resting_cost.why_not(system):
+        """Nothing to remember. Raises an InputError where the system has no ``cost_to_come``."""
+        if why := cost_to_come.why_not(system):
             raise InputError(f"reward is 'shaped-cost', expected 'cost' (nearest): of {type(system).__name__}, {why}")
 
     def __call__(self, transition: Transition) -> tuple[Array, dict[str, Array]]:
         """See ``Reward``."""
         system: Any = transition.system
         before, after = (
-            resting_cost(system, state.belief, self.SECONDS) for state in (transition.previous, transition.following)
+            cost_to_come(system, state.belief, self.SECONDS) for state in (transition.previous, transition.following)
         )
         return (before - after - transition.cost) / system.c0, {}
 

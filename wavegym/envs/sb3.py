@@ -170,7 +170,7 @@ def _rows(info: dict[str, Any], count: int, which: Array | None = None) -> list[
 class SB3MixedVecEnv(BatchedVecEnv):
     """Several vector environments of the same spaces, one after the other.
 
-        >>> parts = [SB3VecEnv("wavegym/MultifunctionRadar-v0", 32, targets=t) for t in (8.0, 20.0)]
+        >>> parts = [SB3VecEnv("wavegym/MultifunctionRadar-v1", 32, targets=t) for t in (8.0, 20.0)]
         >>> envs = SB3MixedVecEnv(parts)
 
     Args:

@@ -228,7 +228,11 @@ def _print_record(name: str, record: Mapping[str, Constants | Any], only: Sequen
     for heuristic, spent in record.get("searches", {}).items():
         if not only or heuristic in only:
             done = f"{spent['evaluations']} evaluations in {spent['cpu_seconds']:g} CPU seconds"
-            print(f"{name}: {heuristic} was found with {done}")
+            gained = ""
+            if "percent" in spent:
+                error = spent["standard_error"]
+                gained = f"; {spent['percent']:+g} +- {error:g} % against its start on {spent['worlds']} other worlds"
+            print(f"{name}: {heuristic} was found with {done}{gained}")
     ranking = sorted(record["costs"].items(), key=lambda item: item[1])
     print(
         f"{name}: best-simple is {record[SIMPLE]}; " + ", ".join(f"{heuristic} {cost:g}" for heuristic, cost in ranking)

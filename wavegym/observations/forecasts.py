@@ -36,9 +36,9 @@ SPANS = np.array([steps for _, steps in LOOKS], np.float64)
 FLOOR = 1e-4  # added to gains per cost, so that their logarithm is finite
 
 
-AHEAD = (0.25, 0.5, 1.0, 2.0)  # seconds of the gains per second
+POWERS = (0.0, 0.5, 1.0)  # of the value of a find, in the gains per second
 LEAST = 1e-5  # added to gains per second over the largest cost, so that their logarithm is finite
-PRESENT = slice(len(AHEAD), len(AHEAD) + 2)  # forecasts of a dwell whose sum is 1: it updates a track, or it searches
+PRESENT = slice(len(POWERS), len(POWERS) + 2)  # forecasts of a dwell whose sum is 1: it updates a track, or it searches
 
 
 class Forecasts:
@@ -105,17 +105,17 @@ class Forecasts:
     def _of_slots(self, belief: Any) -> Array:
         """The forecasts of dwells, (env, candidate * field)."""
         system, count = self.system, len(belief.step)
-        gains, rows = shortcuts.gain_per_second(system, belief, AHEAD, 1.0), system.slots_now(belief)
+        gains, rows = shortcuts.gain_per_second(system, belief, 1.0, POWERS), system.slots_now(belief)
         values = np.empty((count, len(self.candidates), len(self.candidate_fields)))
         forecast(gains, rows, system.dwells.menu[3], system.dwells.each, system.c0, LEAST, values)
         return values.reshape(count, -1)
 
     def _slot_fields(self) -> tuple[ObservationField, ...]:
         """The forecasts of one dwell."""
-        about = "of what its dwell takes off the cost per second, over that of one target not seen"
+        about = "what its dwell saves per second of its duration, over the cost of a target not seen; a find counts as"
         gains = [
-            ObservationField(f"log10_gain_{ahead:g}", "log10(1/s)", -2.0, 1.0, f"gain {about}: {ahead:g} s count")
-            for ahead in AHEAD
+            ObservationField(f"log10_gain_{power:g}", "1", -1.0, 1.0, f"{about} its value to the power {power:g}")
+            for power in POWERS
         ]
         return (
             *gains,
@@ -127,6 +127,10 @@ class Forecasts:
             ObservationField("log2_position", "log2(m)", 5.0, 3.0, "standard deviation of its track's position"),
             ObservationField("age", "s", 0.0, 1.0, "time since its track's last update"),
             ObservationField("ln_tracks", "ln(1 + tracks)", 2.5, 1.0, "number of tracks"),
+            ObservationField("log2_value", "log2(s)", 2.0, 2.0, "value of a find at its track's place"),
+            ObservationField("log2_velocity", "log2(m/s)", 5.0, 3.0, "standard deviation of its track's velocity"),
+            ObservationField("log2_density", "log2(m^2/s^3)", 4.5, 3.0, "density of its track's acceleration"),
+            ObservationField("log2_snr", "1", 8.0, 3.0, "expected E/N0 of its look at its track"),
         )
 
     def _candidate_fields(self) -> tuple[ObservationField, ...]:

@@ -28,7 +28,7 @@ def forecast(gains, rows, durations, each, most, least, values):
     slot has ``each`` updates. An update of a free slot has zeros, except for the gains, the duration and the number of
     tracks.
     """
-    ahead, updates = gains.shape[2], rows.shape[1] * each
+    powers, updates = gains.shape[2], rows.shape[1] * each
     last = len(durations) - 1
     for e in range(len(gains)):
         tracks = 0
@@ -36,9 +36,9 @@ def forecast(gains, rows, durations, each, most, least, values):
             tracks += rows[e, k, 0] > 0.0
         for a in range(last + 1):
             out = values[e, a]
-            for h in range(ahead):
+            for h in range(powers):
                 out[h] = np.log10(max(gains[e, a, h] / most, 0.0) + least)
-            known = out[ahead:]
+            known = out[powers:]
             known[:] = 0.0
             known[2], known[7] = np.log(durations[a]), np.log1p(tracks)
             known[1] = updates <= a < last
@@ -46,4 +46,6 @@ def forecast(gains, rows, durations, each, most, least, values):
                 continue
             own = rows[e, a // each]
             known[0], known[3], known[6] = 1.0, own[0], own[6]
-            known[4], known[5] = np.log2(max(own[3], least)), np.log2(max(own[4], least))
+            for n, column in ((4, 3), (5, 4), (8, 9), (9, 5), (10, 7)):
+                known[n] = np.log2(max(own[column], least))
+            known[11] = np.log2(max(own[8] * durations[a], least))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
@@ -12,23 +13,26 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavegym.core import trees
+from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_int
 from wavegym.core.files import toml_key, toml_value
 from wavegym.core.policy import Policy
 from wavegym.core.system import System
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.schedulers.cycle import best_dwell
 from wavegym.schedulers.heuristics.base import Heuristic
-from wavegym.schedulers.heuristics.cma_search import Budget, searched_constants
-from wavegym.schedulers.heuristics.grids import HEURISTICS, SEARCHES
+from wavegym.schedulers.heuristics.cma_search import Budget, constants_on_fresh_worlds, searched_constants
+from wavegym.schedulers.heuristics.grids import HEURISTICS, SEARCHES, TunableHeuristic
 from wavegym.schedulers.heuristics.searched_rule import SearchedRule, search_rule
 from wavegym.schedulers.heuristics.weighted_myopic import WeightedMyopic, search_weights
 from wavegym.schedulers.rollout import allowed, check_equal_steps
-from wavegym.schedulers.tuning import Constants, log_cost, tuned
+from wavegym.schedulers.tuning import Constants, log_cost, log_costs, tuned
 
 FILE = "tuned_constants.toml"
 SIMPLE, PLANNER = "best-simple", "best-planner"
 BASE = "planner-base"  # the heuristic that planners follow in simulated futures, where it is not the best one
 DEFAULT_PLANNER = "rollout:10"  # for a system without a record
+FRESH, GENERATIONS = 1_000_001, 10_000  # first seed of fresh worlds, after generation -1; most generations of a search
 MOST = 50_000  # beliefs predicted in an episode, so that tuning "gain" takes a reasonable time
 
 
@@ -160,6 +164,8 @@ def _tuned(
         weights = search_weights(system, trees.first(worlds, most), budget, search.seed)
         return weights, _spent(budget.evaluations, budget.used, most)
     starts = (heuristic.start, *heuristic.also)
+    if heuristic.fresh:
+        return _tuned_on_fresh_worlds(heuristic, system, search, min(search.worlds, len(trees.leaves(worlds)[0])))
     if heuristic.intervals:
         few, budget = trees.first(worlds, most), search.budget()
 
@@ -171,6 +177,25 @@ def _tuned(
     few = trees.first(worlds, heuristic.worlds)
     ends = [tuned(heuristic.make, heuristic.grid, start, system, few, heuristic.budget) for start in starts]
     return min(ends, key=lambda end: end[1])[0], {}
+
+
+def _tuned_on_fresh_worlds(
+    heuristic: TunableHeuristic, system: System, search: Search, count: int
+) -> tuple[Constants, dict[str, Any]]:
+    """The constants, what CMA-ES spent, and by how many per cent they beat the start on further worlds, with its error.
+
+    Each generation draws ``count`` tuning worlds that no other has, nor the table of costs.
+    """
+    budget = search.budget()
+
+    def costs(generation: int, constants: Constants) -> Array:
+        seeds = world_seeds(FRESH + GENERATIONS * search.seed + generation, "tune", count)
+        return log_costs(system, heuristic.make(**constants), draw_worlds(system, seeds))
+
+    found, gained = constants_on_fresh_worlds(costs, heuristic.intervals, heuristic.start, budget, search.seed)
+    error = 100.0 * float(gained.std(ddof=1)) / math.sqrt(len(gained))
+    against = {"percent": round(100.0 * float(gained.mean()), 2), "standard_error": round(error, 2)}
+    return found, {**_spent(budget.evaluations, budget.used, count), **against}
 
 
 def _spent(evaluations: int, seconds: float, worlds: int) -> dict[str, Any]:

@@ -115,14 +115,19 @@ def polished(cost: Callable[[Array], float], start: Array) -> Array:
     return best.reshape(start.shape)
 
 
-def log_cost(system: System, policy: Policy, worlds: Any) -> float:
-    """Mean over worlds of the logarithm of the mean cost per step; infinite where that is not finite.
+def log_costs(system: System, policy: Policy, worlds: Any) -> Array:
+    """The logarithm of the mean cost per step in each world, (world,).
 
     Policies are compared by geometric means of paired ratios, and constants are tuned for the same quantity: a world
     with high costs counts no more than another.
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        mean = float(np.log(rollout(system, policy, worlds).mean_cost).mean())
+        return np.log(rollout(system, policy, worlds).mean_cost)
+
+
+def log_cost(system: System, policy: Policy, worlds: Any) -> float:
+    """Mean of ``log_costs``; infinite where that is not finite."""
+    mean = float(log_costs(system, policy, worlds).mean())
     return mean if np.isfinite(mean) else np.inf
 
 

@@ -312,11 +312,11 @@ def _gain_per_second(system: Any, at: Sample) -> str | None:
     return None if got.shape == shape else f"gain_per_second() returned shape {got.shape}, expected {shape}"
 
 
-def _resting_cost(system: Any, at: Sample) -> str | None:
-    waited = system.predict(at.belief, np.repeat(system.candidates()[-1:], WORLDS, axis=0))
-    got, want = shortcuts.resting_cost(system, at.belief, float(system.duration(waited)[0])), system.cost(waited)
-    off = _differ(got, want, want, NEARLY)  # targets that appear in the meantime may be left out
-    return f"resting_cost() is {got.tolist()}, but a wait costs {want.tolist()}" if off else None
+def _cost_to_come(system: Any, at: Sample) -> str | None:
+    """A longer rest costs more."""
+    short, long = (shortcuts.cost_to_come(system, at.belief, seconds) for seconds in (0.1, 0.2))
+    falls = short.shape != (WORLDS,) or not (long > short).all()
+    return f"cost_to_come() of 0.1 s is {short.tolist()}, but of 0.2 s {long.tolist()}" if falls else None
 
 
 def _sensed_band(system: Any, at: Sample) -> str | None:
@@ -332,7 +332,7 @@ def _sensed_band(system: Any, at: Sample) -> str | None:
     return None
 
 
-RULE = DwellRule(ahead=0.5, later=1.0, far=0.25, tentative=1.0, long=0.0, worth=1.0, long_search=0.0, load=0.0)
+RULE = DwellRule(tentative=1.0)
 
 
 def _scores(system: Any, at: Sample) -> str | None:
@@ -396,7 +396,7 @@ CHECKS: dict[str, Check] = {
     "next_pulse": _next_pulse,
     "measured_fields": _measured_fields,
     "gain_per_second": _gain_per_second,
-    "resting_cost": _resting_cost,
+    "cost_to_come": _cost_to_come,
     "scores": _scores,
     "simulate": _simulate,
     "fused_transition": _fused,

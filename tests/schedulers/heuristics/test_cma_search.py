@@ -5,7 +5,13 @@ import time
 import numpy as np
 import pytest
 
-from wavegym.schedulers.heuristics.cma_search import Budget, Interval, minimised, searched_constants
+from wavegym.schedulers.heuristics.cma_search import (
+    Budget,
+    Interval,
+    constants_on_fresh_worlds,
+    minimised,
+    searched_constants,
+)
 
 CENTRE = np.array([0.7, -1.3, 2.1])
 
@@ -107,3 +113,26 @@ def test_share_and_value_are_inverse(interval):
         assert interval.share(interval.value(share)) == pytest.approx(share, abs=1e-4)
     assert interval.value(-1.0) == interval.low
     assert interval.value(2.0) == interval.high
+
+
+def test_constants_from_fresh_worlds_are_fitted_to_none_of_them():
+    """Noise that differs between generations, not within one, cannot be fitted; the gain is that on other worlds."""
+    met = set()
+
+    def costs(generation, constants):
+        met.add(generation)
+        rng = np.random.default_rng(generation + 1)
+        tilt, noise = rng.normal(size=2), rng.normal(size=50)
+        x = np.array([constants["a"], np.log(constants["b"])])
+        return float(((x - [0.3, 0.5]) ** 2).sum() + 0.02 * tilt @ x) + noise
+
+    intervals = {"a": Interval(-2.0, 2.0), "b": Interval(0.1, 10.0, is_log=True)}
+    start, budget = {"a": 0.0, "b": 1.0}, Budget(400)
+    found, gained = constants_on_fresh_worlds(costs, intervals, start, budget, 0)
+    assert found["a"] == pytest.approx(0.3, abs=0.05)
+    assert np.log(found["b"]) == pytest.approx(0.5, abs=0.05)
+    assert met == set(range(-1, max(met) + 1))
+    assert budget.evaluations >= 400
+    want = costs(-1, found) - costs(-1, start)
+    np.testing.assert_array_equal(gained, want)
+    assert gained.mean() < 0.0

@@ -16,7 +16,7 @@ DURATION, EACH = SYSTEM.dwells.menu[3], SYSTEM.dwells.each
 
 
 def rule(frame: float, num_envs: int = 1) -> FrameGreedy:
-    made = FrameGreedy(0.5, 1.0, frame)
+    made = FrameGreedy(1.0, 0.5, frame)
     made.begin(SYSTEM, num_envs, np.random.default_rng(0))
     return made
 
@@ -48,7 +48,7 @@ def test_all_dwells_of_a_frame_are_done_before_the_next_one_by_falling_gain():
     state = SYSTEM.initial(worlds)
     frames, waits = rule(0.3, 3), len(DURATION) - 1
     first = frames.choose(state.belief, SYSTEM.mask(state.belief), None)
-    gain = shortcuts.gain_per_second(SYSTEM, state.belief, 0.5, 1.0)
+    gain = shortcuts.gain_per_second(SYSTEM, state.belief, 1.0, 0.5)
     planned = [SYSTEM.mask(state.belief)[e] & rule(0.3).allotted(gain[e] * DURATION) for e in range(3)]
     for e in range(3):
         assert first[e] == np.where(planned[e], gain[e], -np.inf).argmax()

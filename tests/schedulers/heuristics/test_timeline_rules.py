@@ -32,7 +32,7 @@ def beliefs():
     worlds = draw_worlds(SYSTEM, world_seeds(0, "tune", 20))
     state = SYSTEM.initial(worlds)
     for _ in range(250):
-        state = SYSTEM.transition(state, chosen(GainPerSecond(0.5, 1.0), state.belief), worlds)
+        state = SYSTEM.transition(state, chosen(GainPerSecond(0.5, 0.75), state.belief), worlds)
     return state.belief
 
 
@@ -87,26 +87,25 @@ def test_van_keuk_and_blackman_look_when_the_azimuth_is_uncertain_for_as_long_as
 
 
 def test_the_greatest_gain_per_second_is_taken_among_the_allowed(beliefs):
-    gain = np.where(SYSTEM.mask(beliefs), shortcuts.gain_per_second(SYSTEM, beliefs, 0.7, 1.3), -np.inf)
-    actions = chosen(GainPerSecond(0.7, 1.3), beliefs)
+    gain = np.where(SYSTEM.mask(beliefs), shortcuts.gain_per_second(SYSTEM, beliefs, 0.7, 0.3), -np.inf)
+    actions = chosen(GainPerSecond(0.7, 0.3), beliefs)
     np.testing.assert_array_equal(gain[np.arange(20), actions], gain.max(axis=1))
     usual = np.where(SYSTEM.mask(beliefs), shortcuts.gain_per_second(SYSTEM, beliefs), -np.inf).argmax(axis=1)
     np.testing.assert_array_equal(chosen(make_policy("myopic", SYSTEM, None), beliefs), usual)
 
 
 def test_a_price_of_time_shortens_dwells_until_only_the_ratio_counts(beliefs):
-    free, dear = (DURATION[chosen(PriceOfTime(0.5, 1.0, price), beliefs)] for price in (0.0, 3.0))
+    free, dear = (DURATION[chosen(PriceOfTime(0.5, 0.75, price), beliefs)] for price in (0.0, 3.0))
     assert free.mean() > dear.mean()
-    at_any_price = chosen(PriceOfTime(0.5, 1.0, 1e9), beliefs)
-    np.testing.assert_array_equal(at_any_price, chosen(GainPerSecond(0.5, 1.0), beliefs))
+    at_any_price = chosen(PriceOfTime(0.5, 0.75, 1e9), beliefs)
+    np.testing.assert_array_equal(at_any_price, chosen(GainPerSecond(0.5, 0.75), beliefs))
 
 
 def test_the_score_is_the_formula_of_the_rule(beliefs):
-    rule = DwellRule(ahead=0.4, later=2.0, far=0.3, tentative=1.5, long=-0.2, worth=2.0, long_search=0.3, load=0.4)
-    near, later = (shortcuts.gain_per_second(SYSTEM, beliefs, ahead, rule.worth) for ahead in (rule.ahead, rule.later))
+    rule = DwellRule(tentative=1.5, long=-0.2, worth=2.0, power=0.7, long_search=0.3, load=0.4)
     is_update = KIND == UPDATE
     with np.errstate(divide="ignore"):
-        score = np.log(np.where(is_update, near + rule.far * later, near))
+        score = np.log(shortcuts.gain_per_second(SYSTEM, beliefs, rule.worth, rule.power))
     tentative = beliefs.existence[:, WHICH[is_update]] < 0.9
     score[:, is_update] += rule.long * np.log(DURATION[is_update]) + rule.tentative * tentative
     tracks = (beliefs.existence > 0.0).sum(axis=1, keepdims=True)
@@ -119,16 +118,16 @@ def test_the_score_is_the_formula_of_the_rule(beliefs):
 @pytest.mark.parametrize(
     "rule",
     [
-        DelayIndex(0.5, 1.0, 0.3, 0.0),
-        SearchedDwell(**{**SEARCHED_DWELL, "ahead": 0.5, "worth": 1.0}),
+        DelayIndex(0.5, 0.75, 0.3, 0.0),
+        SearchedDwell(**SEARCHED_DWELL),
     ],
     ids=lambda rule: rule.name,
 )
 def test_at_neutral_constants_a_rule_is_gain_per_second(rule, beliefs):
-    np.testing.assert_array_equal(chosen(rule, beliefs), chosen(GainPerSecond(0.5, 1.0), beliefs))
+    np.testing.assert_array_equal(chosen(rule, beliefs), chosen(GainPerSecond(0.5, 0.75), beliefs))
 
 
 def test_what_a_delay_costs_counts(beliefs):
     """Where a gain hardly changes with time, such as that of a search, a share of it is left out."""
-    updates = [(KIND[chosen(DelayIndex(0.5, 1.0, 0.3, kappa), beliefs)] == UPDATE).mean() for kappa in (0.0, 0.95)]
+    updates = [(KIND[chosen(DelayIndex(0.5, 0.75, 0.3, kappa), beliefs)] == UPDATE).mean() for kappa in (0.0, 0.95)]
     assert updates[0] != updates[1]

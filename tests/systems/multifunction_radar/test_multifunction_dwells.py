@@ -154,15 +154,36 @@ def plain_modes(slots):
     return x, P, mu
 
 
-def test_existence_stays_a_probability_over_many_looks():
-    """Where rounding would take it beyond 1, the rule of Bayes runs away."""
+@pytest.mark.parametrize("reference", [40e3, 700e3])  # the second one detects all but certainly
+def test_probabilities_stay_probabilities_over_many_looks(reference):
+    """Where rounding would take one beyond 1, the rule of Bayes runs away."""
     slots, rng = one_track(1.0, variance=(20.0, 1e-8)), np.random.default_rng(0)
+    laws = LAWS._replace(beam=BEAM._replace(reference=reference))
     for _ in range(300):
         if rng.random() < 0.5:
-            look(slots, findings([PLACE[0], PLACE[1], 0.0, 14.0 + 60.0 * rng.exponential()]))
+            look(slots, findings([PLACE[0], PLACE[1], 0.0, 14.0 + 60.0 * rng.exponential()]), laws=laws)
         else:
-            look(slots, findings())
+            look(slots, findings(), laws=laws)
         assert 0.0 <= slots.existence[0] <= 1.0
+        assert slots.section[0].min() >= 0.0
+        assert abs(slots.section[0].sum() - 1.0) <= 2.0 * np.finfo(float).eps
+
+
+@pytest.mark.parametrize(("seconds", "usable"), [(0.02, 3), (0.3, 2)])
+def test_a_range_rate_is_used_only_where_no_mode_may_be_a_fold_away(seconds, usable):
+    """A calm track that is known to 2 m/s: in 0.3 s only a hard turn, of probability 0.03, could take it so far."""
+    slots = one_track(1.0)
+    P, mu = slots.covariance[0].copy(), np.array([[0.97, 0.03]])
+    P[:, [1, 3], :], P[:, :, [1, 3]] = 0.0, 0.0
+    P[:, [1, 3], [1, 3]] = 4.0
+    tracks.keep_slot(0, 0.0, slots, MODES, slots.mean[0].copy(), P, mu)
+    made = dwells.predicted(0, seconds, slots, MODES)
+    toward = made.H[tracks.RATE]
+    sd = np.sqrt([toward @ made.P[j] @ toward for j in range(2)])
+    assert 2.0 * norm.sf(0.5 * BEAM.fold / sd[0]) < 1e-6
+    away = made.mu[0] @ (2.0 * norm.sf(0.5 * BEAM.fold / sd))
+    assert (away <= dwells.ANOTHER_FOLD) == (usable == 3)
+    assert dwells.usable(made, BEAM) == usable
 
 
 def test_powers_teach_the_class_of_cross_section():

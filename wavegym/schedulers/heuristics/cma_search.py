@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -107,6 +108,30 @@ def minimised(cost: Cost, start: Array, sigma: float, budget: Budget, until: flo
     return found if found.cost < least else Found(best, least, found.mean)
 
 
+def mean_of_search(cost: Callable[[int, Array], float], start: Array, sigma: float, budget: Budget, seed: int) -> Array:
+    """The mean of the last distribution of CMA-ES, where each generation has worlds of its own.
+
+    No point is the best of all then, and none is fitted to the worlds.
+
+    Args:
+        cost: of a generation's number and a point (d,); may be infinite.
+        start, sigma, budget, seed: see ``minimised``; the budget is spent in whole generations.
+    """
+    search, generation = CMA(mean=np.array(start, np.float64), sigma=sigma, seed=seed), 0
+    while budget.share() < 1.0 and not search.should_stop():
+        counted = budget.counted(partial(cost, generation))
+        points = [search.ask() for _ in range(search.population_size)]
+        search.tell(_finite([(point, counted(point)) for point in points]))
+        generation += 1
+    return np.array(search.mean)
+
+
+def _finite(told: list[tuple[Array, float]]) -> list[tuple[Array, float]]:
+    """CMA-ES only ranks, but its checks need numbers."""
+    worst = max((value for _, value in told if np.isfinite(value)), default=0.0) + 1.0
+    return [(point, value if np.isfinite(value) else worst) for point, value in told]
+
+
 def _searched(cost: Cost, start: Array, sigma: float, budget: Budget, until: float, seed: int) -> Found:
     search = CMA(mean=np.array(start, np.float64), sigma=sigma, seed=seed)
     best, least = start, np.inf
@@ -119,9 +144,7 @@ def _searched(cost: Cost, start: Array, sigma: float, budget: Budget, until: flo
                 best, least = told[-1]
         if len(told) < search.population_size:
             break
-        finite = [value for _, value in told if np.isfinite(value)]
-        worst = max(finite, default=0.0) + 1.0  # CMA-ES only ranks, but its checks need numbers
-        search.tell([(point, value if np.isfinite(value) else worst) for point, value in told])
+        search.tell(_finite(told))
     return Found(best, least, search.mean)
 
 
@@ -147,6 +170,35 @@ class Interval(NamedTuple):
         return float(f"{value:.{DIGITS}g}")
 
 
+def constants_on_fresh_worlds(
+    costs: Callable[[int, dict[str, float]], Array],
+    intervals: Mapping[str, Interval],
+    start: Mapping[str, float],
+    budget: Budget,
+    seed: int,
+) -> tuple[dict[str, float], Array]:
+    """Constants within intervals, by CMA-ES on fresh worlds in each generation, and what they gain on others.
+
+    Args:
+        costs: logarithms (world,) of the costs of constants by name in the worlds of a generation.
+        intervals, budget, seed: see ``searched_constants``.
+        start: constants to start from.
+
+    Returns:
+        The constants, and their ``costs`` minus those of the start in the worlds of generation -1.
+    """
+    found = mean_of_search(
+        lambda generation, point: float(costs(generation, _named(point, intervals)).mean()),
+        np.array([interval.share(start[name]) for name, interval in intervals.items()]), SPREAD, budget, seed
+    )  # fmt: skip
+    constants = _named(found, intervals)
+    return constants, costs(-1, constants) - costs(-1, dict(start))
+
+
+def _named(point: Array, intervals: Mapping[str, Interval]) -> dict[str, float]:
+    return {name: interval.value(share) for (name, interval), share in zip(intervals.items(), point, strict=True)}
+
+
 def searched_constants(
     cost: Callable[[dict[str, float]], float],
     intervals: Mapping[str, Interval],
@@ -163,17 +215,13 @@ def searched_constants(
         budget: of evaluations or CPU seconds, spent whole.
         seed: of the random numbers, >= 0.
     """
-
-    def of(point: Array) -> dict[str, float]:
-        return {name: interval.value(share) for (name, interval), share in zip(intervals.items(), point, strict=True)}
-
     points = [np.array([interval.share(start[name]) for name, interval in intervals.items()]) for start in starts]
-    values = budget.costs(lambda point: cost(of(point)), points)
+    values = budget.costs(lambda point: cost(_named(point, intervals)), points)
     order = np.argsort(values, kind="stable")
     best, least = points[order[0]], values[order[0]]
     for n, until in enumerate(budget.parts(RESTARTS)):
         start = best if n else points[order[0]]
-        found = minimised(lambda point: cost(of(point)), start, SPREAD, budget, until, seed + n)
+        found = minimised(lambda point: cost(_named(point, intervals)), start, SPREAD, budget, until, seed + n)
         if found.cost < least:
             best, least = found.point, found.cost
-    return of(best), least
+    return _named(best, intervals), least

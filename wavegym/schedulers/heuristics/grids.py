@@ -10,6 +10,7 @@ import numpy as np
 
 from wavegym.core.shortcuts import constants
 from wavegym.core.system import System
+from wavegym.core.traits import DwellRule
 from wavegym.schedulers.heuristics.band_rules import (
     Claim,
     MultiObjective,
@@ -50,7 +51,7 @@ CLEAR_SLOT = {"price": 100.0, "power": 1.0, "cushion": 1.0, "ahead": 4.0, "reach
 TIMELINE_WORLDS = 16  # an episode has thousands of dwells
 FEW_WORLDS = 16  # for a heuristic that predicts to the episode's end, or searches a box
 DWELLS = tuple(range(4))  # numbers of the dwells of a slot or sector
-SECONDS_AHEAD = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
+POWERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the value of a find
 WORTH = (0.25, 0.5, 1.0, 1.4, 2.0, 3.0, 4.0, 6.0, 9.0)
 
 
@@ -66,6 +67,7 @@ class TunableHeuristic:
         budget: rollouts of each descent.
         also: starts of further descents.
         intervals: of constants that CMA-ES searches, from the best of ``start`` and ``also``.
+        fresh: each generation of CMA-ES draws other worlds, as many; for constants that few worlds would decide.
     """
 
     make: Callable[..., Heuristic]
@@ -75,6 +77,7 @@ class TunableHeuristic:
     budget: int = BUDGET
     also: tuple[Constants, ...] = ()
     intervals: Mapping[str, Interval] = field(default_factory=dict)
+    fresh: bool = False
 
 
 def _cycle(actions: Any) -> Heuristic:
@@ -104,28 +107,28 @@ TIMELINE_RULES: tuple[tuple[Any, Grid, Constants], ...] = (
     (
         VanKeukBlackman,
         {
-            "pointing": (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4),
+            "pointing": (0.02, 0.035, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4),
             "snr": (5.0, 10.0, 20.0, 40.0, 80.0),
             "confirm": (0.0, 0.1, 0.2, 0.5),
             "search": DWELLS,
         },
         {"pointing": 0.2, "snr": 20.0, "confirm": 0.1, "search": 2},
     ),
-    (GainPerSecond, {"ahead": SECONDS_AHEAD, "worth": WORTH}, {"ahead": 0.5, "worth": 1.0}),
+    (GainPerSecond, {"worth": WORTH, "power": POWERS}, {"worth": 0.5, "power": 0.75}),
     (
         PriceOfTime,
-        {"ahead": SECONDS_AHEAD, "worth": WORTH, "price": (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 20.0)},
-        {"ahead": 0.5, "worth": 1.0, "price": 2.0},
+        {"worth": WORTH, "power": POWERS, "price": (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 20.0)},
+        {"worth": 0.5, "power": 0.75, "price": 2.0},
     ),
     (
         DelayIndex,
-        {"ahead": SECONDS_AHEAD, "worth": WORTH, "later": (0.1, 0.3, 1.0), "kappa": (0.0, 0.25, 0.5, 0.75)},
-        {"ahead": 0.5, "worth": 2.0, "later": 0.3, "kappa": 0.25},
+        {"worth": WORTH, "power": POWERS, "later": (0.1, 0.3, 1.0), "kappa": (0.0, 0.25, 0.5, 0.75)},
+        {"worth": 0.5, "power": 0.75, "later": 0.3, "kappa": 0.25},
     ),
     (
         FrameGreedy,
-        {"ahead": SECONDS_AHEAD, "worth": WORTH, "frame": (0.1, 0.15, 0.2, 0.3, 0.5, 0.8)},
-        {"ahead": 0.5, "worth": 1.0, "frame": 0.2},
+        {"worth": WORTH, "power": POWERS, "frame": (0.1, 0.15, 0.2, 0.3, 0.5, 0.8)},
+        {"worth": 0.5, "power": 0.75, "frame": 0.2},
     ),
 )
 STEPS_HEARD = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
@@ -155,23 +158,12 @@ BAND_RULES: dict[str, TunableHeuristic] = {
         {"window": 8, "optimism": 0.5},
     ),
 }
-SEARCHED_DWELL = {
-    "ahead": 0.5,
-    "later": 3.0,
-    "far": 0.0,
-    "tentative": 0.0,
-    "long": 0.0,
-    "worth": 1.0,
-    "long_search": 0.0,
-    "load": 0.0,
-}
+SEARCHED_DWELL = DwellRule()._asdict()
 SEARCHED_DWELL_INTERVALS = {
-    "ahead": Interval(0.1, 1.5, is_log=True),
-    "later": Interval(1.0, 6.0, is_log=True),
-    "far": Interval(0.0, 1.0),
     "tentative": Interval(-2.0, 4.0),
     "long": Interval(-0.7, 0.7),
     "worth": Interval(0.1, 20.0, is_log=True),
+    "power": Interval(0.0, 1.5),
     "long_search": Interval(-0.7, 0.7),
     "load": Interval(-1.0, 1.0),
 }
@@ -247,8 +239,7 @@ HEURISTICS: dict[str, TunableHeuristic] = {
         SearchedDwell,
         {},
         SEARCHED_DWELL,
-        worlds=TIMELINE_WORLDS,
-        also=({**SEARCHED_DWELL, "ahead": 1.0, "worth": 2.0},),
+        fresh=True,
         intervals=SEARCHED_DWELL_INTERVALS,
     ),
     **BAND_RULES,

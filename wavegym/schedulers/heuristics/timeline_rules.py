@@ -125,21 +125,20 @@ class VanKeukBlackman(TimelineRule):
 
 
 class GainPerSecond(TimelineRule):
-    """The dwell with the greatest reduction of the later cost per second of its duration.
+    """The dwell that saves most per second of its duration, until its effect has worn off.
 
     Args:
-        ahead: seconds that count after an update.
-        worth: value of a target that a search finds, in seconds of its full cost.
+        worth, power: of a find, which is worth ``worth`` times its value to this power.
     """
 
     name = "gain-per-second"
 
-    def __init__(self, ahead: float, worth: float) -> None:
-        self.ahead, self.worth = ahead, worth
+    def __init__(self, worth: float, power: float) -> None:
+        self.worth, self.power = worth, power
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        return greatest(gain_per_second(self.system, belief, self.ahead, self.worth), mask, self.durations)
+        return greatest(gain_per_second(self.system, belief, self.worth, self.power), mask, self.durations)
 
 
 class PriceOfTime(TimelineRule):
@@ -149,18 +148,18 @@ class PriceOfTime(TimelineRule):
     waits because of a high price.
 
     Args:
-        ahead, worth: see ``GainPerSecond``.
+        worth, power: see ``GainPerSecond``.
         price: of a second, in the cost of one undetected target.
     """
 
     name = "price-of-time"
 
-    def __init__(self, ahead: float, worth: float, price: float) -> None:
-        self.ahead, self.worth, self.price = ahead, worth, price
+    def __init__(self, worth: float, power: float, price: float) -> None:
+        self.worth, self.power, self.price = worth, power, price
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        surplus = gain_per_second(self.system, belief, self.ahead, self.worth) - self.price * self.system.c0
+        surplus = gain_per_second(self.system, belief, self.worth, self.power) - self.price * self.system.c0
         allowed = surplus if mask is None else np.where(mask, surplus, -np.inf)
         is_worth_it = allowed.max(axis=1, keepdims=True) > 0.0
         return greatest(np.where(is_worth_it, surplus * self.durations, surplus), mask, self.durations)
@@ -170,25 +169,25 @@ class DelayIndex(TimelineRule):
     """The dwell that loses most by a delay: gain per second now minus a share of the gain per second after the delay.
 
     Args:
-        ahead, worth: see ``GainPerSecond``.
+        worth, power: see ``GainPerSecond``.
         later: the delay, s.
         kappa: that share.
     """
 
     name = "delay-index"
 
-    def __init__(self, ahead: float, worth: float, later: float, kappa: float) -> None:
-        self.ahead, self.worth, self.later, self.kappa = ahead, worth, later, kappa
+    def __init__(self, worth: float, power: float, later: float, kappa: float) -> None:
+        self.worth, self.power, self.later, self.kappa = worth, power, later, kappa
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        now = gain_per_second(self.system, belief, self.ahead, self.worth)
-        then = gain_per_second(self.system, belief._replace(time=belief.time + self.later), self.ahead, self.worth)
+        now = gain_per_second(self.system, belief, self.worth, self.power)
+        then = gain_per_second(self.system, belief._replace(time=belief.time + self.later), self.worth, self.power)
         return greatest(now - self.kappa * then, mask, self.durations)
 
 
 class SearchedDwell(TimelineRule):
-    """The dwell of the greatest score of a ``DwellRule``, whose constants a search on tuning worlds finds (CMA-ES)."""
+    """The dwell of the greatest score of a ``DwellRule``, whose constants CMA-ES finds on fresh worlds."""
 
     name = "searched-dwell"
     needs = (*TimelineRule.needs, scores, simulate)
@@ -210,14 +209,14 @@ class FrameGreedy(TimelineRule):
     (1997), and Ghosh, Rajkumar, Hansen and Lehoczky (2004) for a radar.
 
     Args:
-        ahead, worth: see ``GainPerSecond``.
+        worth, power: see ``GainPerSecond``.
         frame: length of a frame, s.
     """
 
     name = "frame-greedy"
 
-    def __init__(self, ahead: float, worth: float, frame: float) -> None:
-        self.ahead, self.worth, self.frame = ahead, worth, frame
+    def __init__(self, worth: float, power: float, frame: float) -> None:
+        self.worth, self.power, self.frame = worth, power, frame
 
     def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
         """See ``Policy``."""
@@ -227,7 +226,7 @@ class FrameGreedy(TimelineRule):
 
     def choose(self, belief: Any, mask: Array | None, prepared: Array | None) -> Array:
         """See ``Heuristic``."""
-        gain = gain_per_second(self.system, belief, self.ahead, self.worth)
+        gain = gain_per_second(self.system, belief, self.worth, self.power)
         possible = np.ones(gain.shape, np.bool_) if mask is None else mask
         self.left &= possible
         for e in np.flatnonzero(~self.left.any(axis=1) | (belief.time >= self.end) | (belief.step == 0)):

@@ -157,12 +157,12 @@ def found_in(undetected, i, b, c, covers):
 
 
 @kernel
-def expected_to_find(undetected, i, covers, area):
-    """Undetected targets that a search with beam i finds, each with its weight; covers as in ``thin``."""
-    total, bins = 0.0, undetected.shape[1]
-    for b in range(bins):
-        found = 0.0
-        for c in range(undetected.shape[2]):
-            found += found_in(undetected, i, b, c, covers)
-        total += weight_at(middle_of(b, bins, area), area) * found
+def worth_of_search(undetected, i, covers, worths):
+    """Sum over the undetected targets that a search with beam i finds of what each is worth, worths (i, b, c)."""
+    total = 0.0
+    for n in range(3):
+        if 0 <= i + n - 1 < len(undetected):
+            for b in range(undetected.shape[1]):
+                for c in range(undetected.shape[2]):
+                    total += undetected[i + n - 1, b, c] * covers[n, b, c] * worths[i + n - 1, b, c]
     return total

@@ -11,6 +11,7 @@ looks (g,).
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -43,7 +44,6 @@ from wavegym.systems.multifunction_radar.beam_kernels import (
 )
 from wavegym.systems.multifunction_radar.flight_kernels import Flying
 from wavegym.systems.multifunction_radar.track_kernels import (
-    FOLDS,
     NN,
     PLACE,
     RANGE,
@@ -66,6 +66,7 @@ from wavegym.trackers.kernels import gain_one, shrink_one
 MOST_FOUND = 32  # detections of a dwell
 WIDEST = 4.0  # trace of the position's covariance, in c0, at which a track is dropped; from 1 on it is not reported
 BESIDE = 1.5 * REACH  # offset up to which a search looks for a track, whose target may be nearer to the axis
+ANOTHER_FOLD = 1e-4  # probability of another fold up to which a range-rate is used
 RARE = 0.01  # probability of a class of cross section below which it is left out
 SURE = 1.0 - 1e-6  # greatest probability of detection, so that a miss stays possible
 MOST_WIDENED = 9.0  # greatest ratio of the variances after and before a miss: three standard deviations
@@ -137,8 +138,15 @@ def variance_of(prediction, a):
 
 @inlined
 def usable(prediction, beam):
-    """Number of measured quantities that can be used: the range-rate last, if its fold is known."""
-    return 3 if variance_of(prediction, RATE) * FOLDS * FOLDS <= beam.fold * beam.fold else 2
+    """Number of measured quantities that can be used: the range-rate last, if its fold is all but certain.
+
+    A calm track may have begun a hard turn, so the chance of another fold is that over the modes.
+    """
+    chance, v = 0.0, np.empty(4)
+    for j in range(2):
+        variance = gain_one(j, prediction.P, prediction.H, RATE, v, NN, STATE)
+        chance += prediction.mu[0, j] * math.erfc(beam.fold / np.sqrt(8.0 * variance))
+    return 3 if chance <= ANOTHER_FOLD else 2
 
 
 @inlined
@@ -248,16 +256,17 @@ def hit(k, time, slots, prediction, finding, pointing, look, laws):
 
 
 @kernel
-def miss(k, time, slots, modes, prediction, pd, ratio):
+def miss(k, time, slots, modes, prediction, ratio):
     """A dwell on slot k without a finding: existence falls, and the azimuth spreads, as the beam may have missed it.
 
-    The classes that would have been seen become less probable. pd, ratio: of ``expect``.
+    The classes that would have been seen become less probable. prediction, ratio: of ``expect``.
     """
     x, P, mu = prediction.x, prediction.P, prediction.mu
-    none = 1.0 - slots.existence[k]
-    slots.existence[k] = 1.0 - none / (none + slots.existence[k] * (1.0 - pd))
-    for c in range(slots.section.shape[1]):
-        slots.section[k, c] *= (1.0 - prediction.pd[c]) / (1.0 - pd)
+    none, section = 1.0 - slots.existence[k], slots.section[k]
+    section *= 1.0 - prediction.pd
+    unseen = section.sum()
+    section /= unseen  # by their own sum: rounding errors would grow a million times with each miss of a sure detection
+    slots.existence[k] = 1.0 - none / (none + slots.existence[k] * unseen)
     h, H, v = np.empty(3), np.empty((3, 4)), np.empty(4)
     for j in range(2):
         look_at(x, j, h, H)
@@ -296,7 +305,7 @@ def look_for(k, time, slots, axis, look, laws, findings):
         if squared < least:
             best, least = f, squared
     if best < 0:
-        miss(k, time, slots, laws.modes, prediction, pd, ratio)
+        miss(k, time, slots, laws.modes, prediction, ratio)
         return best
     findings.used[best] = True
     hit(k, time, slots, prediction, findings.found[best], (axis, off, spread, pd), look, laws)
@@ -413,9 +422,9 @@ def drop_tracks(time, slots, undetected, modes, most, area):
 
 
 @inlined
-def reported_cost(e, trace, most):
-    """Cost per second of a track of existence e, reported or not: the lower of the two."""
-    return min(e * trace + (1.0 - e) * most, e * most)
+def is_reported(e, trace, most):
+    """Whether a track of existence e costs less reported: e trace + (1 - e) c0 against e c0."""
+    return e * trace + (1.0 - e) * most < e * most
 
 
 @inlined
@@ -427,7 +436,8 @@ def rate_of_slot(k, time, slots, modes, most, area):
     """
     xx, _, yy = spread_at(slots.moments[k], modes, time - slots.time[k])
     weight = 1.0 if area.priority == 1.0 else weight_at(azimuth_of(k, time, slots)[1], area)
-    return weight * reported_cost(slots.existence[k], xx + yy, most)
+    e, trace = slots.existence[k], xx + yy
+    return weight * (e * trace + (1.0 - e) * most if is_reported(e, trace, most) else e * most)
 
 
 @kernel

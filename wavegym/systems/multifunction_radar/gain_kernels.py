@@ -1,8 +1,8 @@
 """Compiled gains of dwells of the multifunction radar, and simulated futures of a rule that scores dwells.
 
-Shapes as in ``step_kernels``; h times ahead. The worth of a dwell is the predicted cost that it saves in the seconds
-after it, if no other dwell happens in them. It is computed for several times at once, because most of the work is the
-same. In simulated futures each of the e rows is a separate belief.
+Shapes as in ``step_kernels``; h values of a find. The worth of a dwell is what it saves until its effect has worn off.
+An update has when the track is as bad as before. A find has when the target would have been found anyway, or has left.
+In simulated futures each of the e rows is a separate belief.
 """
 
 # mypy: disallow-untyped-defs=False, check-untyped-defs=False
@@ -14,15 +14,23 @@ from wavegym.core.array_kernels import copy_matrices
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
 from wavegym.core.traits import CONFIRMED
-from wavegym.systems.multifunction_radar.area_kernels import expected_to_find, next_beam, next_turn, thin, weight_at
+from wavegym.systems.multifunction_radar.area_kernels import (
+    next_beam,
+    next_turn,
+    thin,
+    weight_at,
+    weighted_number,
+    worth_of_search,
+)
+from wavegym.systems.multifunction_radar.beam_kernels import power_beyond
 from wavegym.systems.multifunction_radar.dwell_kernels import (
     drop_tracks,
     errors,
     expect,
+    is_reported,
     mean_square,
     predicted,
     rate_of_slot,
-    reported_cost,
     usable,
     variance_of,
 )
@@ -38,59 +46,65 @@ from wavegym.systems.multifunction_radar.step_kernels import (
     mean_strength,
     pass_time,
     slots_of,
-    typical_power,
 )
-from wavegym.systems.multifunction_radar.track_kernels import NN, RANGE, SINE, STATE, growth_of_position
+from wavegym.systems.multifunction_radar.track_kernels import NN, RANGE, SINE, STATE
 from wavegym.trackers.kernels import gain_one, shrink_one
 
 TINY = 1e-12  # least gain, so that its logarithm is finite
+POWERS = (0.5 + 0.5 / np.sqrt(3.0), 0.5 - 0.5 / np.sqrt(3.0))  # Gaussian nodes of the share of stronger echoes
+NEWTON_STEPS = 4  # to the time at which an update has worn off
+AFTER = 0.5  # s after a simulated future in which tracks still count
 
 
-@kernel
-def cost_of_window(e, P, q, ahead, modes, most):
-    """Cost of the next ``ahead`` seconds of a track of covariance P (1, n, n) and density q, by Simpson's rule."""
+@inlined
+def saved(level, P, q):
+    """Integral of ``level`` minus the trace of the position's covariance, until that has grown to the level; m^2 s.
+
+    The track has the covariance P (1, n, n), and its acceleration is white, of density q. The trace is then a cubic of
+    the time: Newton's method descends to its root from that of its quadratic part.
+    """
     p, c, v = P[0, 0, 0] + P[0, 2, 2], P[0, 0, 1] + P[0, 2, 3], P[0, 1, 1] + P[0, 3, 3]
-    total = 0.0
-    for i in range(3):
-        s = 0.5 * ahead * i
-        trace = p + 2.0 * c * s + v * s * s + 2.0 * growth_of_position(q, modes, s)
-        total += (4.0 if i == 1 else 1.0) * reported_cost(e, trace, most)
-    return ahead * total / 6.0
+    room, w = level - p, 2.0 / 3.0 * q
+    if room <= 0.0:
+        return 0.0
+    s = (np.sqrt(c * c + v * room) - c) / v
+    for _ in range(NEWTON_STEPS):
+        s -= (s * (2.0 * c + s * (v + s * w)) - room) / (2.0 * c + s * (2.0 * v + 3.0 * s * w))
+    return s * (room - s * (c + s * (v / 3.0 + 0.25 * s * w)))
 
 
 @kernel
-def gains_of_slot(k, time, slots, menu, actions, ahead, laws, out):
-    """Fill out (action, h) with the worth of the updates ``actions`` = (first, last) of slot k; ahead (h,) in s.
+def gains_of_slot(k, time, slots, menu, actions, laws, out):
+    """Fill out (action, h) with what the updates ``actions`` = (first, last) of slot k save until they have worn off.
 
-    All are predicted at the mean of their ends, as a track changes little in the time of a dwell.
+    A detection saves until the track is as bad as it is now. Without a report a target costs c0. All updates are
+    predicted at the mean of their ends, as a track changes little in the time of a dwell.
     """
     modes, beam, most, e, section = laws.modes, laws.beam, laws.most, slots.existence[k], slots.section[k]
     after, v, variance = np.empty((1, 4, 4)), np.empty(4), np.empty(3)
     made = predicted(k, time + menu.duration[actions[0] : actions[1]].mean(), slots, modes)
     axis, q = made.h[SINE], made.mu[0, 0] * modes.density[0] + made.mu[0, 1] * modes.density[1]
     spread, count, H = variance_of(made, SINE) / (beam.width * beam.width), usable(made, beam), made.H.copy()
+    trace = made.covariance[0, 0, 0] + made.covariance[0, 2, 2]
+    level = trace if is_reported(e, trace, most) else most
     for a in range(actions[0], actions[1]):
         look = look_of(a, menu)
         pd, _ = expect(made, section, axis, 0.0, spread, look, beam)
         S = mean_strength(made, section)
         seen = S / (1.0 + S)
-        errors(typical_power(made, section, look), mean_square(0.0, spread), seen, look, beam, variance)
-        H[SINE] = seen * made.H[SINE]
-        copy_matrices(made.covariance, after)
-        for j in range(count):
-            s = gain_one(0, after, H, j, v, NN, STATE) + variance[j]
-            shrink_one(0, after, v, s, NN)
-        chance = e * pd
-        missed = (e - chance) / (1.0 - chance)
-        for n in range(len(ahead)):
-            now = cost_of_window(e, made.covariance, q, ahead[n], modes, most)
-            hit = cost_of_window(1.0, after, q, ahead[n], modes, most)
-            miss = cost_of_window(missed, made.covariance, q, ahead[n], modes, most)
-            out[a, n] = weight_at(made.h[RANGE], laws.area) * (now - chance * hit - (1.0 - chance) * miss)
+        H[SINE], mean = seen * made.H[SINE], 0.0
+        for share in POWERS:
+            errors(power_beyond(share, S, look), mean_square(0.0, spread), seen, look, beam, variance)
+            copy_matrices(made.covariance, after)
+            for j in range(count):
+                s = gain_one(0, after, H, j, v, NN, STATE) + variance[j]
+                shrink_one(0, after, v, s, NN)
+            mean += saved(level, after, q) / len(POWERS)
+        out[a] = weight_at(made.h[RANGE], laws.area) * e * pd * mean
 
 
 @kernel
-def gains_of_row(e, batch, menu, laws, ahead, worth, out):
+def gains_of_row(e, batch, menu, laws, worths, out):
     """Fill out (action, h) with the worth of every dwell of environment e over its duration; see ``gains``."""
     kind, which = menu.kind, menu.which
     slots, a, each = slots_of(e, batch), 0, 0
@@ -99,50 +113,51 @@ def gains_of_row(e, batch, menu, laws, ahead, worth, out):
     out[:] = 0.0
     while kind[a] == UPDATE:
         if slots.existence[which[a]] > 0.0:
-            gains_of_slot(which[a], batch.time[e], slots, menu, (a, a + each), ahead, laws, out)
+            gains_of_slot(which[a], batch.time[e], slots, menu, (a, a + each), laws, out)
         a += each
     while kind[a] == SEARCH:
         i = next_beam(which[a], batch.turn[e, which[a]], laws.area)
         covers = menu.covers[menu.train[a], i]
-        out[a, :] = worth * laws.most * expected_to_find(batch.undetected[e], i, covers, laws.area)
+        for h in range(len(worths)):
+            out[a, h] = laws.most * worth_of_search(batch.undetected[e], i, covers, worths[h])
         a += 1
     for a in range(len(kind)):
         out[a] /= menu.duration[a]
 
 
 @kernel
-def scores_of_row(e, batch, menu, laws, rule, out):
+def scores_of_row(e, batch, menu, laws, rule, worths, out):
     """Fill out (action,) with the score of every dwell of environment e; see ``DwellRule``."""
     kind, which, duration = menu.kind, menu.which, menu.duration
-    gain, existence, tracks = np.empty((len(kind), 2)), batch.existence[e], 0
-    gains_of_row(e, batch, menu, laws, np.array([rule.ahead, rule.later]), rule.worth, gain)
+    gain, existence, tracks = np.empty((len(kind), 1)), batch.existence[e], 0
+    gains_of_row(e, batch, menu, laws, worths, gain)
     for k in range(len(existence)):
         tracks += existence[k] > 0.0
     for a in range(len(kind)):
+        out[a] = np.log(max(gain[a, 0], TINY))
         if kind[a] == UPDATE:
-            out[a] = np.log(max(gain[a, 0] + rule.far * gain[a, 1], TINY)) + rule.long * np.log(duration[a])
+            out[a] += rule.long * np.log(duration[a])
             if existence[which[a]] < CONFIRMED:
                 out[a] += rule.tentative
         else:
-            out[a] = np.log(max(gain[a, 0], TINY)) + rule.long_search * np.log(duration[a])
-            out[a] += rule.load * np.log1p(float(tracks))
+            out[a] += rule.long_search * np.log(duration[a]) + rule.load * np.log1p(float(tracks))
 
 
 @kernel
-def scores(batch, menu, laws, rule, out):
+def scores(batch, menu, laws, rule, worths, out):
     """``scores_of_row`` of every environment; out (e, action)."""
     for e in range(len(batch.time)):
-        scores_of_row(e, batch, menu, laws, rule, out[e])
+        scores_of_row(e, batch, menu, laws, rule, worths, out[e])
 
 
 @kernel
-def gains(batch, menu, laws, ahead, worth, out):
+def gains(batch, menu, laws, worths, out):
     """Fill out (e, action, h) with the worth of every dwell over its duration; 0 for updates of free slots and waits.
 
-    ahead (h,): seconds that count after an update. worth: that of a target found by a search, in c0 seconds.
+    worths (h, i, b, c): of a target found in each cell by a search, in seconds of c0.
     """
     for e in range(len(batch.time)):
-        gains_of_row(e, batch, menu, laws, ahead, worth, out[e])
+        gains_of_row(e, batch, menu, laws, worths, out[e])
 
 
 @inlined
@@ -157,7 +172,7 @@ def greatest(scores, existence, menu):
 
 
 @kernel
-def settle(real, batch, menu, laws, rule):
+def settle(real, batch, menu, laws, rule, worths):
     """Let the rule choose the dwells until the time is 0; then no dwell has been counted.
 
     The last dwell that would end later is a rest.
@@ -165,7 +180,7 @@ def settle(real, batch, menu, laws, rule):
     scratch, score = np.empty_like(batch.undetected[0]), np.empty(len(menu.kind))
     for e in range(len(batch.time)):
         while batch.time[e] < 0.0:
-            scores_of_row(e, batch, menu, laws, rule, score)
+            scores_of_row(e, batch, menu, laws, rule, worths, score)
             action = greatest(score, batch.existence[e], menu)
             if batch.time[e] + menu.duration[action] > 0.0:
                 pass_time(e, batch, -batch.time[e], laws, scratch)
@@ -179,24 +194,20 @@ def settle(real, batch, menu, laws, rule):
 
 @kernel
 def cost_to_come(time, slots, rule, laws):
-    """Cost of the tracks in the seconds that the rule looks ahead, without any dwell.
-
-    A tentative track is weighted with the rule's factor.
-    """
+    """Cost of the tracks after a simulated future, without any dwell; tentative ones times the rule's factor."""
     modes, area, most = laws.modes, laws.area, laws.most
     total = 0.0
     for k in range(len(slots.existence)):
         if slots.existence[k] > 0.0:
             weight = np.exp(rule.tentative) if slots.existence[k] < CONFIRMED else 1.0
-            for ahead, share in ((rule.ahead, 1.0), (rule.later, rule.far)):
-                for i in range(3):  # Simpson's rule
-                    rate = rate_of_slot(k, time + 0.5 * i * ahead, slots, modes, most, area)
-                    total += weight * share * ahead / 6.0 * (4.0 if i == 1 else 1.0) * rate
+            for i in range(3):  # Simpson's rule
+                rate = rate_of_slot(k, time + 0.5 * i * AFTER, slots, modes, most, area)
+                total += weight * AFTER / 6.0 * (4.0 if i == 1 else 1.0) * rate
     return total
 
 
 @kernel
-def simulate_dwell(e, batch, action, keys, updates, end, worth, menu, laws):
+def simulate_dwell(e, batch, action, keys, updates, end, worths, menu, laws):
     """Simulate one dwell; returns its cost minus what it earns. updates (k,): earlier updates of each slot."""
     most, slots, undetected = laws.most, slots_of(e, batch), batch.undetected[e]
     action = chosen(action, batch.existence[e], menu)
@@ -210,21 +221,21 @@ def simulate_dwell(e, batch, action, keys, updates, end, worth, menu, laws):
         foresee_update(which, time, slots, look_of(action, menu), draws, laws)
     elif menu.kind[action] == SEARCH:
         i = next_beam(which, batch.turn[e, which], laws.area)
-        covers = menu.covers[menu.train[action], i]
-        found = expected_to_find(undetected, i, covers, laws.area)
-        value += found * most * (max(end - time, 0.0) - worth)
+        covers, before = menu.covers[menu.train[action], i], weighted_number(undetected, laws.area)
+        value -= most * worth_of_search(undetected, i, covers, worths)
         thin(undetected, i, covers)
+        value += most * max(end - time, 0.0) * (before - weighted_number(undetected, laws.area))
         batch.turn[e, which] = next_turn(which, batch.turn[e, which], laws.area)
     drop_tracks(time, slots, undetected, laws.modes, most, laws.area)
     return value
 
 
 @kernel
-def simulate(batch, first, keys, seconds, menu, laws, rule, value):
+def simulate(batch, first, keys, seconds, menu, laws, rule, worths, value):
     """Add the cost of the next ``seconds``, after the actions ``first`` (e,), and the cost to come to value (e,).
 
     A search in a simulated future finds the expected number of targets, not single ones. This number is subtracted from
-    the undetected targets, still costs c0 a second until the future ends, and earns the rule's worth in seconds of c0.
+    the undetected targets, still costs c0 a second until the future ends, and earns what a find is worth to the rule.
     Single targets found by chance would make two futures differ by more than any update is worth. keys (e,): of the
     draws of updates. The n-th update of a slot has the same draws in all futures of a key, whatever comes before it. Of
     the last dwell only the part before the end of the future counts, in its cost and in its effect. Otherwise futures
@@ -234,12 +245,12 @@ def simulate(batch, first, keys, seconds, menu, laws, rule, value):
     for e in range(len(first)):
         action, end, updates = first[e], batch.time[e] + seconds, np.zeros(batch.existence.shape[1], np.int64)
         slots = slots_of(e, batch)
-        worth = rule.worth * np.exp(rule.load * np.log1p(float((slots.existence > 0.0).sum())))
+        loaded = worths[0] * np.exp(rule.load * np.log1p(float((slots.existence > 0.0).sum())))
         while batch.time[e] + duration[action] < end:
-            value[e] += simulate_dwell(e, batch, action, keys, updates, end, worth, menu, laws)
-            scores_of_row(e, batch, menu, laws, rule, scores)
+            value[e] += simulate_dwell(e, batch, action, keys, updates, end, loaded, menu, laws)
+            scores_of_row(e, batch, menu, laws, rule, worths, scores)
             action = greatest(scores, batch.existence[e], menu)
         share, before = (end - batch.time[e]) / duration[action], cost_to_come(batch.time[e], slots, rule, laws)
-        last = simulate_dwell(e, batch, action, keys, updates, end, worth, menu, laws)
+        last = simulate_dwell(e, batch, action, keys, updates, end, loaded, menu, laws)
         last += cost_to_come(batch.time[e], slots, rule, laws)
         value[e] += share * last + (1.0 - share) * before

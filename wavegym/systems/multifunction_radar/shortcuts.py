@@ -15,28 +15,33 @@ from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
 
 @shortcuts.gain_per_second.register(MultifunctionRadar)
-def gain_per_second(system: MultifunctionRadar, belief: Belief, ahead: ArrayLike = 1.0, worth: float = 1.0) -> Array:
-    """The reduction of the expected later cost by each dwell, per second of its duration.
+def gain_per_second(system: MultifunctionRadar, belief: Belief, worth: float = 0.5, power: ArrayLike = 0.75) -> Array:
+    """What each dwell saves until its effect has worn off, per second of its duration.
+
+    An update has worn off when the track is as bad as now: this is Whittle's index of a track that grows worse. A find
+    has worn off when the target would have been found anyway, or has left (``System.value_of_find``).
 
     Args:
         belief: the belief.
-        ahead: seconds that count after an update, in which nothing else is done; a number, or several (h,).
-        worth: value of a target that a search finds, in seconds of c0.
+        worth: factor of the worth of a find.
+        power: the worth of a find is c0 times this power of its value in seconds; a number, or several (h,). At 1 finds
+            far away count as if all could be held.
 
     Returns:
         (env, action), or (env, action, h), m^2.
     """
-    aheads = np.atleast_1d(np.asarray(ahead, np.float64))
-    out = np.empty((len(belief.step), len(system.actions), len(aheads)))
-    gain_kernels.gains(belief, system.menu, system.laws, aheads, worth, out)
-    return out if np.ndim(ahead) else out[..., 0]
+    worths = system.worths(worth, power)
+    out = np.empty((len(belief.step), len(system.actions), len(worths)))
+    gain_kernels.gains(belief, system.menu, system.laws, worths, out)
+    return out if np.ndim(power) else out[..., 0]
 
 
 @shortcuts.scores.register(MultifunctionRadar)
 def scores(system: MultifunctionRadar, belief: Belief, rule: DwellRule) -> Array:
     """By gains in m^2."""
     out = np.empty((len(belief.step), len(system.actions)))
-    gain_kernels.scores(belief, system.menu, system.laws, rule, out)
+    worths = system.worths(rule.worth, rule.power)
+    gain_kernels.scores(belief, system.menu, system.laws, rule, worths, out)
     return out
 
 
@@ -51,16 +56,17 @@ def simulate(
     keys = (belief.step[:, None] * futures + np.arange(futures)).astype(np.uint64)
     keys = keys.repeat(count, axis=0).reshape(-1)
     value = np.zeros(len(first))
-    gain_kernels.simulate(rows, first, keys, seconds, system.menu, system.laws, rule, value)
+    worths = system.worths(rule.worth, rule.power)
+    gain_kernels.simulate(rows, first, keys, seconds, system.menu, system.laws, rule, worths, value)
     mean: Array = value.reshape(envs, count, futures).mean(axis=2)
     return mean
 
 
-@shortcuts.resting_cost.register(MultifunctionRadar)
-def resting_cost(system: MultifunctionRadar, belief: Belief, seconds: float) -> Array:
-    """In m^2 s."""
+@shortcuts.cost_to_come.register(MultifunctionRadar)
+def cost_to_come(system: MultifunctionRadar, belief: Belief, seconds: float) -> Array:
+    """In m^2 s; an undetected target counts as much as a find in the reference rule."""
     out = np.empty(len(belief.step))
-    kernels.rest(belief, seconds, system.laws, out)
+    kernels.cost_to_come(belief, seconds, system.worths()[0], system.laws, out)
     return out
 
 

@@ -15,6 +15,8 @@ from wavegym.core.counter_rng_kernels import stream
 from wavegym.core.kernels import inlined, kernel
 from wavegym.systems.multifunction_radar.area_kernels import (
     axis_of,
+    beam_of,
+    bin_of,
     drift,
     found_in,
     middle_of,
@@ -138,12 +140,15 @@ def pass_time(e, batch, duration, laws, scratch):
 
 
 @kernel
-def rest(batch, seconds, laws, out):
-    """Fill out (e,) with the cost of the coming ``seconds`` if the beam rested and no undetected target moved."""
+def cost_to_come(batch, seconds, worths, laws, out):
+    """Fill out (e,) with the cost of the tracks in the coming ``seconds`` if the beam rested, and of the undetected.
+
+    worths (i, b, c): of an undetected target, in seconds of c0.
+    """
     modes, area, most = laws.modes, laws.area, laws.most
     for e in range(len(batch.time)):
         tentative, confirmed = mean_rates(batch.time[e], seconds, slots_of(e, batch), modes, most, area)
-        out[e] = seconds * (tentative + confirmed + most * weighted_number(batch.undetected[e], area))
+        out[e] = seconds * (tentative + confirmed) + most * (batch.undetected[e] * worths).sum()
 
 
 class Real(NamedTuple):
@@ -251,7 +256,7 @@ def foresee_update(k, time, slots, look, draws, laws):
         hit(k, time, slots, made, np.array([h[RANGE], axis, h[RATE], z, 0.0]), (axis, 0.0, spread, pd), look, laws)
         keep_slot(k, time, slots, laws.modes, made.x, made.P, modes_before)
     else:
-        miss(k, time, slots, laws.modes, made, pd, ratio)
+        miss(k, time, slots, laws.modes, made, ratio)
 
 
 @kernel
@@ -308,12 +313,12 @@ def foresee(batch, actions, draws, menu, laws):
 
 
 @kernel
-def describe_slots(batch, second, laws, out):
-    """Fill out (e, k, 9) with the columns of ``TrackSlots.slots_now``; the velocity is that of the last update.
+def describe_slots(batch, second, value, laws, out):
+    """Fill out (e, k, 10) with the columns of ``TrackSlots.slots_now``; the velocity is that of the last update.
 
-    second: a look of a second of transmission.
+    second: a look of a second of transmission. value (i, b, c): of a find.
     """
-    modes, beam = laws.modes, laws.beam
+    modes, beam, area = laws.modes, laws.beam, laws.area
     for e in range(len(batch.time)):
         time = batch.time[e]
         for k in range(batch.existence.shape[1]):
@@ -331,6 +336,7 @@ def describe_slots(batch, second, laws, out):
             row[0], row[1], row[2], row[3] = batch.existence[e, k], r, azimuth, across / beam.width
             row[4], row[5], row[6], row[7] = np.sqrt(xx + yy), np.sqrt(m[6] + m[8]), age, q
             row[8] = on_axis(r, s, second, beam) * (batch.section[e, k] * beam.sections).sum()
+            row[9] = (batch.section[e, k] * value[beam_of(s, area), bin_of(r, value.shape[1], area)]).sum()
 
 
 @kernel

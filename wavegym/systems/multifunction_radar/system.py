@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
 from scipy.special import gammainccinv
 
@@ -26,21 +27,21 @@ from wavegym.systems.multifunction_radar.beam_kernels import FINEST, SLOPE, Beam
 from wavegym.systems.multifunction_radar.dwell_kernels import Laws, share_found
 from wavegym.systems.multifunction_radar.flight_kernels import Flight, begin_all, fly_all
 from wavegym.systems.multifunction_radar.gain_kernels import settle
+from wavegym.systems.multifunction_radar.search_flow import best_search
 from wavegym.systems.multifunction_radar.state import PARTS, Belief, Traffic, Truth, World, flying, take_figures
 from wavegym.systems.multifunction_radar.step_kernels import Menu, Real
 from wavegym.systems.multifunction_radar.track_kernels import Modes
 from wavegym.waveforms import SPEED_OF_LIGHT, PulseTiming, check_range_folds
 
-COLUMNS = 9  # of ``slots_now``
-LOGARITHMS = [3, 4, 5, 7, 8]  # columns of ``slots_now`` that agents observe as log2
+COLUMNS = 10  # of ``slots_now``
+LOGARITHMS = [3, 4, 5, 7, 8, 9]  # columns of ``slots_now`` that agents observe as log2
 TINY = 1e-12
 FEW = 1.0 / 64.0  # least observed ratio of undetected targets to their number without any search
 UNIT = 10e-3  # s: length of the burst whose E/N0 is 1 at the reference range
 STEPS = 400  # of the table of shares kept
 ANGLES = 64  # of an acceleration against the line of sight, in a mean over them
-REFERENCE = DwellRule(
-    ahead=0.5, later=3.0, far=0.0, tentative=0.0, long=0.0, worth=1.0, long_search=0.0, load=0.0
-)  # of the time before an episode: the greatest gain per second
+REFERENCE = DwellRule()  # of the time before an episode: the greatest gain per second
+SEARCH_SHARE = 0.5  # of the time, for the value of a find
 DRAWS = 2  # uniform draws that decide one dwell in ``predict``
 
 Speed = Annotated[float, Field(gt=0, le=1e4)]
@@ -287,6 +288,20 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             share_found(look, self.laws, out)
         return covers
 
+    @cached_property
+    def value_of_find(self) -> Array:
+        """What a find saves until the target would have been found anyway or has left, in s of c0; (beam, bin, class).
+
+        Where half of the time is searched as well as possible. The track's own cost and time are not subtracted.
+        """
+        durations = np.array(self.dwells.seconds) + self.overhead
+        return best_search(self.area, self.menu.covers, durations, SEARCH_SHARE).value
+
+    def worths(self, worth: float = REFERENCE.worth, powers: ArrayLike = REFERENCE.power) -> Array:
+        """``worth`` times powers (h,) of the value of a find, (h, beam, bin, class); by default the reference's."""
+        found: Array = worth * self.value_of_find ** np.reshape(powers, (-1, 1, 1, 1))
+        return found
+
     @property
     def actions(self) -> Library:
         """Updates slot by slot, then searches sector by sector, each with every dwell, then the wait."""
@@ -394,7 +409,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         known, variance = world.draw[..., 6] < self.known, np.square(self.first_errors)
         first = truth.state, truth.here, known, world.error
         kernels.first_tracks(*first, self.modes, variance, belief, truth.origin)
-        settle(self._real(truth, world), belief, self.menu, self.laws, REFERENCE)
+        settle(self._real(truth, world), belief, self.menu, self.laws, REFERENCE, self.worths())
         take_figures(truth, belief, np.arange(count), self.truth_model.flight, self.laws, self.lost_beyond)
         return State(truth, belief)
 
@@ -477,7 +492,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
     def slots_now(self, belief: Belief) -> Array:
         """See ``TrackSlots``."""
         out = np.empty((*belief.existence.shape, COLUMNS))
-        kernels.describe_slots(belief, self._second, self.laws, out)
+        kernels.describe_slots(belief, self._second, self.value_of_find, self.laws, out)
         return out
 
     @cached_property
@@ -510,6 +525,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             ("age", "s", 1.0, 1.0, "time since the last update"),
             ("density", "1", 4.5, 2.0, "log2 of the expected density of the acceleration in m^2/s^3"),
             ("snr", "1", 14.0, 3.0, "log2 of E/N0 of a second of transmission"),
+            ("value", "s", 2.0, 2.0, "log2 of the value of a find at its place in s"),
         )
         slots = [
             ObservationField(f"{name}_{k}", unit, centre, scale, f"slot {k}: {meaning}")

@@ -30,7 +30,6 @@ from wavegym.trackers.kernels import correct_one, gain_one, shrink_one
 NN, MM = (0, 0, 0, 0), (0, 0)  # the state's and the modes' sizes, known when compiling
 RANGE, SINE, RATE = 0, 1, 2  # the measured quantities
 PLACE, STATE = (0, 2), (0, 1, 2, 3)  # elements on which range and sine depend, and all of them
-FOLDS = 8.0  # a range-rate is used if its predicted standard deviation is at most the fold over this
 SMALL = 1e-3  # rate times seconds below which I(s) is a series
 
 
