@@ -17,6 +17,7 @@ from scipy.sparse.linalg import splu
 from wavegym.core.arrays import Array
 from wavegym.systems.multifunction_radar.area_kernels import Area, drift_step, middle_of, weight_at
 
+SURE = 1.0 - 1e-12  # share of the targets that a search finds at most, so that its rate is finite
 DAMPING = 0.7  # exponent of the multiplicative algorithm
 MOST_STEPS = 1000  # of it
 
@@ -60,7 +61,7 @@ def best_search(area: Area, covers: Array, durations: Array, share: float, accur
         accuracy: relative difference of ``cost`` and ``least`` at which it ends.
     """
     _, beams, _, bins, classes = covers.shape
-    rates = -np.log1p(-covers) / durations[:, None, None, None, None]
+    rates = -np.log1p(-np.minimum(covers, SURE)) / durations[:, None, None, None, None]
     flow, inflow = flow_matrix(area, (beams, bins))
     weight = np.tile(weight_at(middle_of(np.arange(bins), bins, area), area), beams)
     shares = np.full(rates.shape[:2], share / rates[..., 0, 0, 0].size)
