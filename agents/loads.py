@@ -38,7 +38,6 @@ from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
 from wavegym.schedulers.planners.rollout import DwellRollout
 from wavegym.schedulers.tuned_constants import Search, tune_heuristic
 from wavegym.schedulers.tuning import Constants
-from wavegym.systems.multifunction_radar.search_flow import best_search
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE
 
 NAME = "MultifunctionRadar"
@@ -138,9 +137,8 @@ def _blind_search(system: Any, share: float) -> dict[str, float]:
 
     With all of the time, and with the share of it that the best rule searches.
     """
-    durations = np.array(system.dwells.seconds) + system.overhead
     shares = {"all of the time": 1.0, f"{100.0 * share:.0f} % of the time": share}
-    return {name: best_search(system.area, system.menu.covers, durations, each).least for name, each in shares.items()}
+    return {name: system.best_search(each).least for name, each in shares.items()}
 
 
 def planners_of(load: int, constants: Mapping[str, Constants]) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """Compiled gains of dwells of the multifunction radar, and simulated futures of a rule that scores dwells.
 
 Shapes as in ``step_kernels``; h values of a find. The worth of a dwell is what it saves until its effect has worn off.
-An update has when the track is as bad as before. A find has when the target would have been found anyway, or has left.
+That of an update has when the track is as bad as before, that of a find when the target would have been found anyway,
+or has left.
 In simulated futures each of the e rows is a separate belief.
 """
 

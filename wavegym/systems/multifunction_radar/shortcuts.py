@@ -11,11 +11,13 @@ from wavegym.core.traits import DwellRule
 from wavegym.systems.multifunction_radar import gain_kernels
 from wavegym.systems.multifunction_radar import step_kernels as kernels
 from wavegym.systems.multifunction_radar.state import Belief
-from wavegym.systems.multifunction_radar.system import MultifunctionRadar
+from wavegym.systems.multifunction_radar.system import REFERENCE, MultifunctionRadar
 
 
 @shortcuts.gain_per_second.register(MultifunctionRadar)
-def gain_per_second(system: MultifunctionRadar, belief: Belief, worth: float = 0.5, power: ArrayLike = 0.75) -> Array:
+def gain_per_second(
+    system: MultifunctionRadar, belief: Belief, worth: float = REFERENCE.worth, power: ArrayLike = REFERENCE.power
+) -> Array:
     """What each dwell saves until its effect has worn off, per second of its duration.
 
     An update has worn off when the track is as bad as now: this is Whittle's index of a track that grows worse. A find

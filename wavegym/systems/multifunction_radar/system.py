@@ -27,7 +27,7 @@ from wavegym.systems.multifunction_radar.beam_kernels import FINEST, SLOPE, Beam
 from wavegym.systems.multifunction_radar.dwell_kernels import Laws, share_found
 from wavegym.systems.multifunction_radar.flight_kernels import Flight, begin_all, fly_all
 from wavegym.systems.multifunction_radar.gain_kernels import settle
-from wavegym.systems.multifunction_radar.search_flow import best_search
+from wavegym.systems.multifunction_radar.search_flow import Search, best_search
 from wavegym.systems.multifunction_radar.state import PARTS, Belief, Traffic, Truth, World, flying, take_figures
 from wavegym.systems.multifunction_radar.step_kernels import Menu, Real
 from wavegym.systems.multifunction_radar.track_kernels import Modes
@@ -294,8 +294,12 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
 
         Where half of the time is searched as well as possible. The track's own cost and time are not subtracted.
         """
+        return self.best_search(SEARCH_SHARE).value
+
+    def best_search(self, share: float) -> Search:
+        """The equilibrium of least cost if a share of the time is searched."""
         durations = np.array(self.dwells.seconds) + self.overhead
-        return best_search(self.area, self.menu.covers, durations, SEARCH_SHARE).value
+        return best_search(self.area, self.menu.covers, durations, share)
 
     def worths(self, worth: float = REFERENCE.worth, powers: ArrayLike = REFERENCE.power) -> Array:
         """``worth`` times powers (h,) of the value of a find, (h, beam, bin, class); by default the reference's."""
