@@ -47,17 +47,14 @@ class TrackSlots(ABC):
 class DwellRule(NamedTuple):
     """The constants of a rule for one beam on a time line.
 
-    A dwell scores ln(G), where G is its gain per second. An update adds tentative [if the track is] + long
-    ln(duration), and a search adds long_search ln(duration) + load ln(1 + number of tracks). A find counts ``worth``
-    times the power ``power`` of its value.
+    A dwell scores ln(G), where G is its gain per second. An update adds long ln(duration), a search long_search
+    ln(duration). A find counts ``worth`` times the power ``power`` of its value.
     """
 
-    tentative: float = 0.0
     long: float = 0.0
     worth: float = 0.5
     power: float = 0.75
     long_search: float = 0.0
-    load: float = 0.0
 
 
 class DecisionMaker(NamedTuple):

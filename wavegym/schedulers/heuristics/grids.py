@@ -160,12 +160,10 @@ BAND_RULES: dict[str, TunableHeuristic] = {
 }
 SEARCHED_DWELL = DwellRule()._asdict()
 SEARCHED_DWELL_INTERVALS = {
-    "tentative": Interval(-2.0, 4.0),
-    "long": Interval(-0.7, 0.7),
+    "long": Interval(-1.0, 1.0),
     "worth": Interval(0.1, 20.0, is_log=True),
     "power": Interval(0.0, 1.5),
-    "long_search": Interval(-0.7, 0.7),
-    "load": Interval(-1.0, 1.0),
+    "long_search": Interval(-1.0, 1.0),
 }
 SEARCHES: dict[str, Callable[[System], Any]] = {  # heuristics that have no constants to start from: what they need
     "cycle": constants,

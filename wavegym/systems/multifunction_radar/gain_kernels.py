@@ -14,7 +14,6 @@ import numpy as np
 from wavegym.core.array_kernels import copy_matrices
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
-from wavegym.core.traits import CONFIRMED
 from wavegym.systems.multifunction_radar.area_kernels import (
     next_beam,
     next_turn,
@@ -129,19 +128,11 @@ def gains_of_row(e, batch, menu, laws, worths, out):
 @kernel
 def scores_of_row(e, batch, menu, laws, rule, worths, out):
     """Fill out (action,) with the score of every dwell of environment e; see ``DwellRule``."""
-    kind, which, duration = menu.kind, menu.which, menu.duration
-    gain, existence, tracks = np.empty((len(kind), 1)), batch.existence[e], 0
+    gain = np.empty((len(menu.kind), 1))
     gains_of_row(e, batch, menu, laws, worths, gain)
-    for k in range(len(existence)):
-        tracks += existence[k] > 0.0
-    for a in range(len(kind)):
-        out[a] = np.log(max(gain[a, 0], TINY))
-        if kind[a] == UPDATE:
-            out[a] += rule.long * np.log(duration[a])
-            if existence[which[a]] < CONFIRMED:
-                out[a] += rule.tentative
-        else:
-            out[a] += rule.long_search * np.log(duration[a]) + rule.load * np.log1p(float(tracks))
+    for a in range(len(gain)):
+        long = rule.long if menu.kind[a] == UPDATE else rule.long_search
+        out[a] = np.log(max(gain[a, 0], TINY)) + long * np.log(menu.duration[a])
 
 
 @kernel
@@ -194,16 +185,15 @@ def settle(real, batch, menu, laws, rule, worths):
 
 
 @kernel
-def cost_to_come(time, slots, rule, laws):
-    """Cost of the tracks after a simulated future, without any dwell; tentative ones times the rule's factor."""
+def cost_to_come(time, slots, laws):
+    """Cost of the tracks after a simulated future, without any dwell."""
     modes, area, most = laws.modes, laws.area, laws.most
     total = 0.0
     for k in range(len(slots.existence)):
         if slots.existence[k] > 0.0:
-            weight = np.exp(rule.tentative) if slots.existence[k] < CONFIRMED else 1.0
             for i in range(3):  # Simpson's rule
                 rate = rate_of_slot(k, time + 0.5 * i * AFTER, slots, modes, most, area)
-                total += weight * AFTER / 6.0 * (4.0 if i == 1 else 1.0) * rate
+                total += AFTER / 6.0 * (4.0 if i == 1 else 1.0) * rate
     return total
 
 
@@ -246,12 +236,11 @@ def simulate(batch, first, keys, seconds, menu, laws, rule, worths, value):
     for e in range(len(first)):
         action, end, updates = first[e], batch.time[e] + seconds, np.zeros(batch.existence.shape[1], np.int64)
         slots = slots_of(e, batch)
-        loaded = worths[0] * np.exp(rule.load * np.log1p(float((slots.existence > 0.0).sum())))
         while batch.time[e] + duration[action] < end:
-            value[e] += simulate_dwell(e, batch, action, keys, updates, end, loaded, menu, laws)
+            value[e] += simulate_dwell(e, batch, action, keys, updates, end, worths[0], menu, laws)
             scores_of_row(e, batch, menu, laws, rule, worths, scores)
             action = greatest(scores, batch.existence[e], menu)
-        share, before = (end - batch.time[e]) / duration[action], cost_to_come(batch.time[e], slots, rule, laws)
-        last = simulate_dwell(e, batch, action, keys, updates, end, loaded, menu, laws)
-        last += cost_to_come(batch.time[e], slots, rule, laws)
+        share, before = (end - batch.time[e]) / duration[action], cost_to_come(batch.time[e], slots, laws)
+        last = simulate_dwell(e, batch, action, keys, updates, end, worths[0], menu, laws)
+        last += cost_to_come(batch.time[e], slots, laws)
         value[e] += share * last + (1.0 - share) * before

@@ -9,7 +9,6 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
-from scipy.special import gammainccinv
 
 from wavegym.core import trees
 from wavegym.core.action_sets import Library
@@ -19,14 +18,14 @@ from wavegym.core.parameters import Count, Positive, parameter, system_parameter
 from wavegym.core.system import ObservationField, State, System
 from wavegym.core.track_loss import LOST_AFTER, NO_TRACK_YET
 from wavegym.core.traits import DwellRule, TimedPulses, TrackSlots, UnequalSteps
-from wavegym.sensors.trains import acceleration_loss
 from wavegym.systems.multifunction_radar import step_kernels as kernels
 from wavegym.systems.multifunction_radar.actions import Dwells, Train
 from wavegym.systems.multifunction_radar.area_kernels import Area, usual_number
 from wavegym.systems.multifunction_radar.beam_kernels import FINEST, SLOPE, Beam, Look
-from wavegym.systems.multifunction_radar.dwell_kernels import Laws, share_found
+from wavegym.systems.multifunction_radar.dwell_kernels import Laws
 from wavegym.systems.multifunction_radar.flight_kernels import Flight, begin_all, fly_all
 from wavegym.systems.multifunction_radar.gain_kernels import settle
+from wavegym.systems.multifunction_radar.looks import Receiver, share_kept
 from wavegym.systems.multifunction_radar.search_flow import Search, best_search
 from wavegym.systems.multifunction_radar.state import PARTS, Belief, Traffic, Truth, World, flying, take_figures
 from wavegym.systems.multifunction_radar.step_kernels import Menu, Real
@@ -37,9 +36,7 @@ COLUMNS = 10  # of ``slots_now``
 LOGARITHMS = [3, 4, 5, 7, 8, 9]  # columns of ``slots_now`` that agents observe as log2
 TINY = 1e-12
 FEW = 1.0 / 64.0  # least observed ratio of undetected targets to their number without any search
-UNIT = 10e-3  # s: length of the burst whose E/N0 is 1 at the reference range
 STEPS = 400  # of the table of shares kept
-ANGLES = 64  # of an acceleration against the line of sight, in a mean over them
 REFERENCE = DwellRule()  # of the time before an episode: the greatest gain per second
 SEARCH_SHARE = 0.5  # of the time, for the value of a find
 DRAWS = 2  # uniform draws that decide one dwell in ``predict``
@@ -247,46 +244,18 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
         """The dwells and their purposes."""
         return Dwells(self.trains, self.overhead, self.dt, self.slots, self.sectors)
 
-    def look(self, train: Train, elevations: int, false_alarms: float) -> Look:
-        """What a train measures.
-
-        Args:
-            train: its pulses.
-            elevations: receive beams, over which the energy is spread.
-            false_alarms: expected number, over all cells.
-        """
-        cells = train.pulses * elevations / self.range_cell  # a burst has as many Doppler filters as pulses
-        stretch = train.burst**2 / self.wavelength
-        return Look(
-            bursts=train.bursts,
-            gain=train.burst / UNIT / elevations,
-            threshold=_threshold(false_alarms / (cells * (self.farthest - self.nearest)), train.bursts),
-            cells=cells,
-            rate_error=self.wavelength * math.sqrt(3.0) / (2.0 * math.pi * train.burst),
-            stretch=stretch,
-            kept=np.array([_mean_share(limit * stretch) for limit in self.acceleration]),
-        )
+    @property
+    def receiver(self) -> Receiver:
+        """How echoes are judged."""
+        return Receiver(
+            self.wavelength, self.farthest - self.nearest, self.range_cell, self.acceleration, self.elevations,
+            self.false_alarms
+        )  # fmt: skip
 
     @cached_property
     def menu(self) -> Menu:
         """All actions."""
-        kind, which, train, duration = self.dwells.menu
-        updates = [self.look(each, 1, self.false_alarms[0]) for each in self.trains]
-        searches = [self.look(each, self.elevations, self.false_alarms[1]) for each in self.trains]
-        is_search = kind == kernels.SEARCH
-        columns = []
-        pairs = zip(zip(*updates, strict=True), zip(*searches, strict=True), strict=True)
-        for of_update, of_search in pairs:
-            first, second = np.array(of_update)[train], np.array(of_search)[train]
-            columns.append(np.where(is_search.reshape(-1, *[1] * (first.ndim - 1)), second, first))
-        return Menu(kind, which, duration, train, self._covers(searches), *columns)
-
-    def _covers(self, looks: list[Look]) -> Array:
-        """Share of the targets in and beside a beam that a search finds, (train, beam, 3, bin, class)."""
-        covers = np.zeros((len(looks), len(self.area.angle), 3, self.bins, len(self.sections)))
-        for look, out in zip(looks, covers, strict=True):
-            share_found(look, self.laws, out)
-        return covers
+        return self.receiver.menu(self.dwells, self.laws, self.bins)
 
     @cached_property
     def value_of_find(self) -> Array:
@@ -332,7 +301,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
             reference=self.reference_range,
             range_error=self.range_cell / SLOPE,
             fold=0.5 * self.wavelength / self.interval,
-            kept=_share_kept(FINEST * np.arange(STEPS)),
+            kept=share_kept(FINEST * np.arange(STEPS)),
             sections=np.array(self.sections),
             nearest=self.nearest,
             farthest=self.farthest,
@@ -502,7 +471,7 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
     @cached_property
     def _second(self) -> Look:
         """A look of a second of transmission."""
-        return self.look(Train(round(1.0 / self.interval), 1, self.interval), 1, self.false_alarms[0])
+        return self.receiver.look(Train(round(1.0 / self.interval), 1, self.interval), searching=False)
 
     def terminal(self, belief: Belief) -> Array:
         """Whether the time, or the number of dwells, is over, (env,) bool."""
@@ -609,23 +578,3 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
 def _edges(half_sector: float, sectors: int) -> Array:
     """Sines of the azimuths of the sectors' edges; half_sector in degrees."""
     return np.sin(np.radians(half_sector) * np.linspace(-1.0, 1.0, sectors + 1))
-
-
-def _threshold(chance: float, bursts: int) -> float:
-    """z that noise exceeds with a probability."""
-    return float(gammainccinv(bursts, chance))
-
-
-def _share_kept(beta: Array) -> Array:
-    """``acceleration_loss`` by beta alone: of a burst of 1 s and a wavelength of 1 m."""
-    return acceleration_loss(1.0, 1.0, beta)
-
-
-def _mean_share(most: float) -> float:
-    """Mean share of the energy kept, over accelerations that are uniform in a disc.
-
-    Args:
-        most: beta of the greatest acceleration along the line of sight.
-    """
-    turn = math.pi * (np.arange(ANGLES) + 0.5) / ANGLES  # the radial part is most cos(turn), with density sin^2(turn)
-    return float(np.average(_share_kept(most * np.cos(turn)), weights=np.square(np.sin(turn))))
