@@ -1,10 +1,10 @@
 """The multifunction radar against its load: ``python -m agents.loads [LOAD ...]``.
 
-For each expected number of targets every heuristic is tuned on tuning worlds of that load (``--tune``), and then all
-policies play the same test worlds. The agents are those of the registered load, without further training. Constants and
-results are written to results/loads, tables and picture to docs/multifunction_radar.md.
+For each expected number of targets all policies play the same test worlds. Heuristics have the recorded constants, and
+agents were trained, at the registered load. Results are written to results/loads, tables and picture to
+docs/multifunction_radar.md.
 
-``--planners`` plays the planners at one load, in short episodes, because a decision takes up to 0.1 s. ``--shifts``
+``--planners`` plays the planners at one load, in few worlds, because a decision takes up to 0.1 s. ``--shifts``
 changes the radar or the targets at one load, with the same constants and agents. ``--times`` only times the decisions
 again, on an otherwise idle machine. ``--tables`` renews the page without playing.
 """
@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -36,24 +36,29 @@ from wavegym.policies.runs import load_policy
 from wavegym.schedulers import RandomChoice
 from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
 from wavegym.schedulers.planners.rollout import DwellRollout
-from wavegym.schedulers.tuned_constants import Search, tune_heuristic
-from wavegym.schedulers.tuning import Constants
+from wavegym.schedulers.tuned_constants import recorded
 from wavegym.systems.multifunction_radar.step_kernels import SEARCH, UPDATE
+from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
 NAME = "MultifunctionRadar"
 ENV_ID = f"wavegym/{NAME}-v1"
 RUNS = ROOT / "results" / "runs" / NAME / "ppo"
 WORLDS, SEED = 60, 0
-TUNING, CMA_ES = 100, 80  # worlds, and policies played by CMA-ES
-TUNED_SECONDS = 30.0  # length of an episode for tuning
 TIMED = 300  # decisions of one environment
 QUANTILE = 0.99  # of the chi-squared distribution
 BOUND_TARGETS = 720  # greatest number of paths in one lower bound
-PLANNED_LOAD, PLANNED_WORLDS, PLANNED_SECONDS = 16, 12, 6.0
-PLANNERS = ((1, 2), (2, 8), (8, 16))  # futures and tried dwells: about 0.7, 5 and 50 ms
+PLANNED_LOAD, PLANNED_WORLDS, PLANNED_SECONDS = 16, 12, 20.0
+PLANNERS = ((1, 2), (2, 8), (8, 16))  # futures and tried dwells: about 1, 10 and 100 ms
 PLANNED_DECISIONS = 50
 SHIFTED_LOAD, SHIFTED_HEURISTICS = 16, (SIMPLE, "van-keuk-blackman", BASE)
+MORE_TIME = 1.1
 SHIFTS: dict[str, dict[str, Any]] = {
+    "none": {},
+    "10 % more time": {  # the same energy of the same pulses in a shorter time
+        "interval": 320e-6 / MORE_TIME,
+        "overhead": 1e-3 / MORE_TIME,
+        "reference_range": 160e3 * MORE_TIME**0.25,
+    },
     "beam of 1.1 deg": {"beam_width": 1.1},
     "beam of 2 deg": {"beam_width": 2.0},
     "half the energy": {"reference_range": 160e3 * 0.5**0.25},
@@ -63,37 +68,33 @@ SHIFTS: dict[str, dict[str, Any]] = {
 }
 
 
-def tune(load: int, found: dict[str, Constants]) -> None:
-    """Tune every heuristic that has no constants yet, on tuning worlds of this load; each is written at once."""
-    system = make_task(ENV_ID, {"targets": float(load), "seconds": TUNED_SECONDS}).system
-    worlds = draw_worlds(system, world_seeds(SEED, "tune", TUNING))
-    for name in (name for name in TIMELINE if name not in found):
-        found[name] = tune_heuristic(name, system, worlds, Search(CMA_ES, seed=SEED, worlds=TUNING))
-        _write(f"constants_{load}.json", found)
-
-
-def results_of(load: int, constants: Mapping[str, Constants], worlds: int) -> dict[str, Any]:
+def results_of(load: int, worlds: int) -> dict[str, Any]:
     """All policies on the test worlds of one load."""
     task = make_task(ENV_ID, {"targets": float(load)})
-    played = _compared(task, _policies(task, constants), world_seeds(SEED, "test", worlds), BASE, TIMED)
+    played = _compared(task, _policies(task), world_seeds(SEED, "test", worlds), BASE, TIMED)
     blind = _blind_search(task.system, played[BASE]["searched"])
     return {"load": load, "worlds": worlds, "policies": played, "bound": _bound(task.system, load), "blind": blind}
 
 
-def timed_again(results: Mapping[str, Any], constants: Mapping[str, Constants]) -> dict[str, Any]:
+def timed_again(results: Mapping[str, Any]) -> dict[str, Any]:
     """The results of one load with times of decisions that are measured now."""
     task = make_task(ENV_ID, {"targets": float(results["load"])})
     played = {
         name: {**results["policies"][name], "microseconds": _microseconds(task, members, TIMED)}
-        for name, members in _policies(task, constants).items()
+        for name, members in _policies(task).items()
     }
     return {**results, "policies": played}
 
 
-def _policies(task: Task, constants: Mapping[str, Constants]) -> dict[str, list[Policy]]:
+def _policies(task: Task) -> dict[str, list[Policy]]:
     """Everything that is played at a load, each a list of members."""
-    heuristics: dict[str, list[Policy]] = {name: [HEURISTICS[name].make(**constants[name])] for name in TIMELINE}
-    return {"random": [RandomChoice()], **heuristics, **_agents(task)}
+    return {"random": [RandomChoice()], **_heuristics(TIMELINE), **_agents(task)}
+
+
+def _heuristics(names: Iterable[str]) -> dict[str, list[Policy]]:
+    """With the constants of the registered load."""
+    constants = recorded(MultifunctionRadar())
+    return {name: [HEURISTICS[name].make(**constants[name])] for name in names}
 
 
 def _agents(task: Task) -> dict[str, list[Policy]]:
@@ -141,12 +142,12 @@ def _blind_search(system: Any, share: float) -> dict[str, float]:
     return {name: system.best_search(each).least for name, each in shares.items()}
 
 
-def planners_of(load: int, constants: Mapping[str, Constants]) -> dict[str, Any]:
+def planners_of(load: int) -> dict[str, Any]:
     """The planners and the heuristic that they follow, on the same worlds."""
     task = make_task(ENV_ID, {"targets": float(load), "seconds": PLANNED_SECONDS})
-    base: Any = HEURISTICS[BASE].make(**constants[BASE])
+    policies = _heuristics((BASE,))
+    base: Any = policies[BASE][0]
     planners = {f"dwell-rollout:{futures}, {tried} dwells": (futures, tried) for futures, tried in PLANNERS}
-    policies: dict[str, list[Policy]] = {BASE: [base]}
     policies |= {name: [DwellRollout(base, *settings)] for name, settings in planners.items()}
     policies |= _agents(task)
     played = _compared(task, policies, world_seeds(SEED, "test", PLANNED_WORLDS), BASE, PLANNED_DECISIONS)
@@ -159,15 +160,13 @@ def planners_of(load: int, constants: Mapping[str, Constants]) -> dict[str, Any]
     }
 
 
-def shifts_of(load: int, constants: Mapping[str, Constants], worlds: int) -> dict[str, Any]:
+def shifts_of(load: int, worlds: int) -> dict[str, Any]:
     """Heuristics and agents of one load in changed environments, whose parameters the tracker and prediction know."""
     found = {}
     for name, changes in SHIFTS.items():
         task = make_task(ENV_ID, {"targets": float(load), **changes})
-        policies: dict[str, list[Policy]] = {
-            heuristic: [HEURISTICS[heuristic].make(**constants[heuristic])] for heuristic in SHIFTED_HEURISTICS
-        }
-        found[name] = _compared(task, policies | _agents(task), world_seeds(SEED, "test", worlds), BASE, TIMED)
+        policies = _heuristics(SHIFTED_HEURISTICS) | _agents(task)
+        found[name] = _compared(task, policies, world_seeds(SEED, "test", worlds), BASE, TIMED)
     return {"load": load, "worlds": worlds, "shifts": found}
 
 
@@ -233,10 +232,6 @@ def _estimate(values: Array) -> dict[str, Any]:
     return statistics.mean(values, _rng())._asdict()
 
 
-def _constants(load: int) -> dict[str, Constants]:
-    return read_results(FOLDER / f"constants_{load}.json")
-
-
 def _write(name: str, content: Mapping[str, Any]) -> None:
     write_whole(FOLDER, {name: (json.dumps(content, indent=1) + "\n").encode()})
 
@@ -246,24 +241,18 @@ def main() -> None:
     parser = Parser(prog="python -m agents.loads", description="The multifunction radar against its load.")
     parser.add_argument("loads", nargs="*", type=int, metavar="LOAD", help=f"targets (default: {LOADS})")
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")
-    parser.add_argument("--tune", action="store_true", help="first tune the heuristics that have no constants yet")
     parser.add_argument("--planners", action="store_true", help=f"play only the planners, at {PLANNED_LOAD} targets")
     parser.add_argument("--shifts", action="store_true", help=f"play only changed radars, at {SHIFTED_LOAD} targets")
     parser.add_argument("--times", action="store_true", help="time the decisions of earlier results; play nothing")
     parser.add_argument("--tables", action="store_true", help="renew the page from earlier results; play nothing")
     read = parser.read(None)
     if read.planners:
-        _write("planners.json", planners_of(PLANNED_LOAD, _constants(PLANNED_LOAD)))
+        _write("planners.json", planners_of(PLANNED_LOAD))
     if read.shifts:
-        _write("shifts.json", shifts_of(SHIFTED_LOAD, _constants(SHIFTED_LOAD), read.worlds))
+        _write("shifts.json", shifts_of(SHIFTED_LOAD, read.worlds))
     for load in () if read.tables or read.planners or read.shifts else read.loads or LOADS:
-        constants, name = _constants(load), f"{load}.json"
-        if read.times:
-            _write(name, timed_again(read_results(FOLDER / name), constants))
-            continue
-        if read.tune:
-            tune(load, constants)
-        _write(name, results_of(load, constants, read.worlds))
+        name = f"{load}.json"
+        _write(name, timed_again(read_results(FOLDER / name)) if read.times else results_of(load, read.worlds))
     renew()
 
 

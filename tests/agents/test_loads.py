@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 
 import numpy as np
@@ -13,35 +12,35 @@ from wavegym.core.worlds import world_seeds
 from wavegym.evaluation import make_task
 from wavegym.evaluation.play import play
 from wavegym.schedulers.heuristics.grids import HEURISTICS, TIMELINE
+from wavegym.schedulers.tuned_constants import recorded
+from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
 
 @pytest.fixture
 def brief(monkeypatch, tmp_path):
     """Episodes of 0.6 s, few decisions timed, no agents, and a folder of its own."""
     monkeypatch.setattr(loads, "make_task", lambda env_id, given: make_task(env_id, {**given, "seconds": 0.6}))
-    for name, value in {"TIMED": 4, "RUNS": tmp_path / "none", "FOLDER": tmp_path, "TUNING": 2, "CMA_ES": 6}.items():
+    for name, value in {"TIMED": 4, "RUNS": tmp_path / "none", "FOLDER": tmp_path}.items():
         monkeypatch.setattr(loads, name, value)
     monkeypatch.setattr(loads_page, "PAGE", tmp_path / "page.md")
     monkeypatch.setattr(loads_page, "PICTURE", tmp_path / "loads.png")
-    for name in TIMELINE:
-        monkeypatch.setitem(HEURISTICS, name, dataclasses.replace(HEURISTICS[name], budget=3))
     loads_page.PAGE.write_text(f"before\n{loads_page.START}\n{loads_page.END}\nafter\n")
     return tmp_path
 
 
 @pytest.mark.slow
 def test_every_policy_is_played_and_its_figures_are_those_of_play(brief):
-    constants = {name: HEURISTICS[name].start for name in TIMELINE}
-    found = loads.results_of(4, constants, worlds=5)
+    found = loads.results_of(4, worlds=5)
     assert set(found["policies"]) == {"random", *TIMELINE}
     task = make_task(loads.ENV_ID, {"targets": 4.0, "seconds": 0.6})
     name = "van-keuk-blackman"
-    played = play(task, HEURISTICS[name].make(**constants[name]), world_seeds(loads.SEED, "test", 5))
+    rule = HEURISTICS[name].make(**recorded(MultifunctionRadar())[name])
+    played = play(task, rule, world_seeds(loads.SEED, "test", 5))
     shown = found["policies"][name]
     assert shown["belief"]["value"] == pytest.approx(played.episode_cost().mean() / task.system.c0, rel=1e-12)
     assert shown["truth"]["value"] == pytest.approx((played.gospa**2).mean() / task.system.c0, rel=1e-12)
     assert found["policies"][loads_page.BASE]["against"]["value"] == 0.0
-    again = loads.timed_again(found, constants)
+    again = loads.timed_again(found)
     assert again["policies"][name] == {**shown, "microseconds": again["policies"][name]["microseconds"]}
     assert again["policies"][name] != shown
     assert again["bound"] == found["bound"]
@@ -63,10 +62,9 @@ def test_every_policy_is_played_and_its_figures_are_those_of_play(brief):
 @pytest.mark.slow
 @pytest.mark.usefixtures("brief")
 def test_the_agent_is_compared_with_every_policy(monkeypatch):
-    constants = {name: HEURISTICS[name].start for name in TIMELINE}
-    twins = [HEURISTICS["gain-per-second"].make(**constants["gain-per-second"]) for _ in range(2)]
+    twins = [HEURISTICS["gain-per-second"].make(**recorded(MultifunctionRadar())["gain-per-second"]) for _ in range(2)]
     monkeypatch.setattr(loads, "_agents", lambda task: {"ppo": twins})
-    results = loads.results_of(4, constants, worlds=5)
+    results = loads.results_of(4, worlds=5)
     found = results["policies"]
     twin = found["gain-per-second"]["agent_against"]
     assert [twin["value"], *twin["ci"]] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
@@ -82,23 +80,18 @@ def test_the_agent_is_compared_with_every_policy(monkeypatch):
 @pytest.mark.slow
 def test_the_page_has_a_table_for_each_load_one_of_planners_and_a_picture(brief, monkeypatch):
     for load in (8, 16):
-        constants = {"earliest-deadline": HEURISTICS["earliest-deadline"].start}
-        loads.tune(load, constants)
-        assert set(constants) == set(TIMELINE)
-        assert constants["earliest-deadline"] == HEURISTICS["earliest-deadline"].start
-        assert json.loads((brief / f"constants_{load}.json").read_text()) == constants
-        result = loads.results_of(load, constants, worlds=3)
+        result = loads.results_of(load, worlds=3)
         (brief / f"{load}.json").write_text(json.dumps(result))
     monkeypatch.setattr(loads, "PLANNERS", ((1, 2),))
     monkeypatch.setattr(loads, "PLANNED_SECONDS", 0.6)
     monkeypatch.setattr(loads, "PLANNED_DECISIONS", 2)
-    result = loads.planners_of(8, constants)
+    result = loads.planners_of(8)
     (brief / "planners.json").write_text(json.dumps(result))
     planned = result["policies"]
     assert list(planned) == ["searched-dwell", "dwell-rollout:1, 2 dwells"]
     assert planned["searched-dwell"]["against"]["value"] == 0.0
     monkeypatch.setattr(loads, "SHIFTS", {"a wide beam": {"beam_width": 3.0}, "far": {"reference_range": 80e3}})
-    result = loads.shifts_of(8, constants, worlds=3)
+    result = loads.shifts_of(8, worlds=3)
     (brief / "shifts.json").write_text(json.dumps(result))
     shifted = result["shifts"]
     assert shifted["a wide beam"]["searched-dwell"]["belief"] != shifted["far"]["searched-dwell"]["belief"]

@@ -47,14 +47,23 @@ class TrackSlots(ABC):
 class DwellRule(NamedTuple):
     """The constants of a rule for one beam on a time line.
 
-    A dwell scores ln(G), where G is its gain per second. An update adds long ln(duration), a search long_search
-    ln(duration). A find counts ``worth`` times the power ``power`` of its value.
+    A dwell scores its gain per second times powers: of its duration, and for an update of the track's range and of the
+    time since its last update. A find counts ``worth`` times the power ``power`` of its value.
+
+    Attributes:
+        long, tentative, long_search: powers of the duration, of an update of a confirmed or tentative track and of a
+            search.
+        far: power of the range over the greatest range.
+        age: power of the time since the last update, of 10 ms or more.
     """
 
     long: float = 0.0
+    tentative: float = 0.0
     worth: float = 0.5
     power: float = 0.75
     long_search: float = 0.0
+    far: float = 0.0
+    age: float = 0.0
 
 
 class DecisionMaker(NamedTuple):

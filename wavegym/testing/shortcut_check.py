@@ -332,7 +332,7 @@ def _sensed_band(system: Any, at: Sample) -> str | None:
     return None
 
 
-RULE = DwellRule(long=0.3, worth=2.0)
+RULE = DwellRule(long=0.3, worth=2.0, age=-0.3)
 
 
 def _scores(system: Any, at: Sample) -> str | None:

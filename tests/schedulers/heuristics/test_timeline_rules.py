@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from wavegym.core import shortcuts
-from wavegym.core.traits import DwellRule
+from wavegym.core.traits import CONFIRMED, DwellRule
 from wavegym.core.worlds import draw_worlds, world_seeds
-from wavegym.schedulers.heuristics.grids import SEARCHED_DWELL
 from wavegym.schedulers.heuristics.timeline_rules import (
     DelayIndex,
     EarliestDeadline,
@@ -102,11 +101,16 @@ def test_a_price_of_time_shortens_dwells_until_only_the_ratio_counts(beliefs):
 
 
 def test_the_score_is_the_formula_of_the_rule(beliefs):
-    rule = DwellRule(long=-0.2, worth=2.0, power=0.7, long_search=0.3)
-    is_update = KIND == UPDATE
+    rule = DwellRule(-0.2, 0.9, worth=2.0, power=0.7, long_search=0.3, far=0.6, age=-0.4)
+    is_update, k = KIND == UPDATE, WHICH[KIND == UPDATE]
+    x, age = beliefs.mean[:, :, 0], beliefs.time[:, None] - beliefs.updated
     with np.errstate(divide="ignore"):
         score = np.log(shortcuts.gain_per_second(SYSTEM, beliefs, rule.worth, rule.power))
-    score += np.where(is_update, rule.long, rule.long_search) * np.log(DURATION)
+        powers = rule.far * np.log(np.hypot(x[..., 0], x[..., 2]) / SYSTEM.farthest)
+    powers += rule.age * np.log(np.maximum(age, 0.01) / 0.1)
+    long = np.where(beliefs.existence < CONFIRMED, rule.tentative, rule.long)[:, k]
+    score[:, is_update] += long * np.log(DURATION[is_update] / 0.01) + powers[:, k]
+    score[:, ~is_update] += rule.long_search * np.log(DURATION[~is_update] / 0.01)
     seen = np.isfinite(score)
     np.testing.assert_allclose(shortcuts.scores(SYSTEM, beliefs, rule)[seen], score[seen], rtol=1e-12, atol=1e-12)
     assert seen.sum() > 1000
@@ -116,7 +120,7 @@ def test_the_score_is_the_formula_of_the_rule(beliefs):
     "rule",
     [
         DelayIndex(0.5, 0.75, 0.3, 0.0),
-        SearchedDwell(**SEARCHED_DWELL),
+        SearchedDwell(),
     ],
     ids=lambda rule: rule.name,
 )

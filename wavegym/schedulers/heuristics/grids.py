@@ -158,12 +158,15 @@ BAND_RULES: dict[str, TunableHeuristic] = {
         {"window": 8, "optimism": 0.5},
     ),
 }
-SEARCHED_DWELL = DwellRule()._asdict()
+SEARCHED_DWELL = DwellRule(worth=0.35, power=1.0)._asdict()
 SEARCHED_DWELL_INTERVALS = {
     "long": Interval(-1.0, 1.0),
+    "tentative": Interval(-0.5, 2.0),
     "worth": Interval(0.1, 20.0, is_log=True),
     "power": Interval(0.0, 1.5),
     "long_search": Interval(-1.0, 1.0),
+    "far": Interval(-1.0, 2.0),
+    "age": Interval(-1.0, 0.5),
 }
 SEARCHES: dict[str, Callable[[System], Any]] = {  # heuristics that have no constants to start from: what they need
     "cycle": constants,

@@ -14,6 +14,7 @@ import numpy as np
 from wavegym.core.array_kernels import copy_matrices
 from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
+from wavegym.core.traits import CONFIRMED
 from wavegym.systems.multifunction_radar.area_kernels import (
     next_beam,
     next_turn,
@@ -51,6 +52,8 @@ from wavegym.systems.multifunction_radar.track_kernels import NN, RANGE, SINE, S
 from wavegym.trackers.kernels import gain_one, shrink_one
 
 TINY = 1e-12  # least gain, so that its logarithm is finite
+USUAL_DURATION, USUAL_AGE = 0.01, 0.1  # s: of dwells, and since updates, whose powers are 1 in the score
+YOUNGEST = 0.01  # s: least time since an update in the score
 POWERS = (0.5 + 0.5 / np.sqrt(3.0), 0.5 - 0.5 / np.sqrt(3.0))  # Gaussian nodes of the share of stronger echoes
 NEWTON_STEPS = 4  # to the time at which an update has worn off
 AFTER = 0.5  # s after a simulated future in which tracks still count
@@ -128,11 +131,16 @@ def gains_of_row(e, batch, menu, laws, worths, out):
 @kernel
 def scores_of_row(e, batch, menu, laws, rule, worths, out):
     """Fill out (action,) with the score of every dwell of environment e; see ``DwellRule``."""
-    gain = np.empty((len(menu.kind), 1))
+    gain, slots, farthest = np.empty((len(menu.kind), 1)), slots_of(e, batch), laws.area.farthest
     gains_of_row(e, batch, menu, laws, worths, gain)
     for a in range(len(gain)):
-        long = rule.long if menu.kind[a] == UPDATE else rule.long_search
-        out[a] = np.log(max(gain[a, 0], TINY)) + long * np.log(menu.duration[a])
+        k, power = menu.which[a], rule.long_search
+        out[a] = np.log(max(gain[a, 0], TINY))
+        if menu.kind[a] == UPDATE and slots.existence[k] > 0.0:
+            power = rule.tentative if slots.existence[k] < CONFIRMED else rule.long
+            r, age = np.hypot(slots.mean[k, 0, 0], slots.mean[k, 0, 2]), batch.time[e] - batch.updated[e, k]
+            out[a] += rule.far * np.log(r / farthest) + rule.age * np.log(max(age, YOUNGEST) / USUAL_AGE)
+        out[a] += power * np.log(menu.duration[a] / USUAL_DURATION)
 
 
 @kernel
