@@ -43,12 +43,11 @@ from wavegym.systems.multifunction_radar.step_kernels import look_of
 from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
 VELOCITY = 30.0  # m/s
-NOWHERE = 1e-10  # m^-2, information about the place of an unseen target
+NOWHERE = 1e10  # m^2, variance of the place of an unseen target
 RATE, STEPS = 0.3, 100  # of the descent
 MOST = 5.0  # bound of a step over RATE
 NODES = 61  # of integrals over a beam
 STRENGTHS = np.geomspace(1e-9, 1e9, 1000)  # S of the tables of rates
-LEAST = 1e-9  # variance of an acceleration that is known
 FEW = 1e-9  # least probability of having been found
 
 
@@ -203,29 +202,24 @@ class Relaxation:
         across = np.stack([x[..., 2], -x[..., 0]], axis=-1) / r2[..., None]
         beam, T = system.beam, system.cell
         cosine, v = x[..., 2] / np.sqrt(r2), x[..., 1::2]
-        place = np.einsum("kia,kib->kiab", along, along) / beam.range_error**2
-        across *= (cosine * beams.SLOPE / beam.width)[..., None]  # the sine's gradient over its error
-        place += np.einsum("kia,kib->kiab", across, across)
-        H = np.zeros((*r2.shape, 4, 4))
-        H[..., ::2, ::2] = place
-        self.place = as_tensor(H)
-        gradient = np.empty_like(x)
-        gradient[..., 1::2] = along
-        gradient[..., ::2] = (v - (v * along).sum(axis=-1, keepdims=True) * along) / np.sqrt(r2)[..., None]
-        self.motion = as_tensor(np.einsum("kia,kib->kiab", gradient, gradient))
-        self.precision = as_tensor(1.0 / np.maximum(self.paths.variance, LEAST))
-        self.noise = as_tensor(np.kron(np.eye(2), [[0.5 * T * T], [T]]))
+        H = np.zeros((*r2.shape, 3, 4))  # gradients of range and sine over their errors, and of range-rate
+        H[..., 0, ::2] = along / beam.range_error
+        H[..., 1, ::2] = across * (cosine * beams.SLOPE / beam.width)[..., None]
+        H[..., 2, 1::2] = along
+        H[..., 2, ::2] = (v - (v * along).sum(axis=-1, keepdims=True) * along) / np.sqrt(r2)[..., None]
+        self.gradients = as_tensor(H)
+        self.variance = as_tensor(self.paths.variance)
+        self.noise = as_tensor(np.kron(np.eye(2), [[0.25 * T**4, 0.5 * T**3], [0.5 * T**3, T * T]]))
         F = np.eye(4)
-        F[0, 1] = F[2, 3] = -T
-        self.back = as_tensor(F)  # the inverse of the transition
+        F[0, 1] = F[2, 3] = T
+        self.forward = as_tensor(F)
         self.here = as_tensor(self.paths.here)
         self.update, self.update_rate, self.search, self.search_rate, self.find, self.sector = (
             as_tensor(rate) for rate in self.rates
         )
         self.known = as_tensor(self.paths.known)
-        unseen = np.diag([NOWHERE, VELOCITY**-2] * 2)
-        first = np.where(self.paths.known[:, None, None], self.paths.first, np.eye(4))
-        self.first = as_tensor(np.where(self.paths.known[:, None, None], np.linalg.inv(first), unseen))
+        unseen = np.diag([NOWHERE, VELOCITY**2] * 2)
+        self.first = as_tensor(np.where(self.paths.known[:, None, None], self.paths.first, unseen))
 
     def cost(self, share: Tensor) -> Tensor:
         """Time-averaged cost of each target, in targets, (i,).
@@ -237,25 +231,22 @@ class Relaxation:
         targets, sectors = self.here.shape[1], self.system.sectors
         u = (share[:, :targets] * self.count).unbind(0)
         v = share[:, targets : targets + sectors].unbind(0)
-        L, hazard = self.first, torch.zeros(targets, dtype=torch.float64)
+        P, hazard = self.first, torch.zeros(targets, dtype=torch.float64)
         total = torch.zeros(targets, dtype=torch.float64)
-        c0, T, eye = self.system.c0, self.system.cell, torch.eye(2, dtype=torch.float64)
-        G = self.noise
+        c0, T = self.system.c0, self.system.cell
         for k in range(len(self.here)):
             of_sector = v[k][self.sector[k]]
             power = T * (u[k] * self.update[k] + of_sector * self.search[k])
             power_of_rate = T * (u[k] * self.update_rate[k] + of_sector * self.search_rate[k])
-            gained = power[:, None, None] * self.place[k] + power_of_rate[:, None, None] * self.motion[k]
-            L = torch.where(self.here[k][:, None, None], L + gained, self.first)
+            H = torch.stack([power, power, power_of_rate], dim=-1).sqrt()[..., None] * self.gradients[k]
+            gain = torch.linalg.solve(torch.eye(3, dtype=P.dtype) + H @ P @ H.mT, H @ P).mT
+            left = torch.eye(4, dtype=P.dtype) - gain @ H
+            P = torch.where(self.here[k][:, None, None], left @ P @ left.mT + gain @ gain.mT, self.first)  # Joseph
             hazard = hazard + torch.where(self.here[k], T * of_sector * self.find[k], 0.0)
             d = torch.where(self.known, 1.0, torch.clamp(-torch.expm1(-hazard), min=FEW))
-            place = L[:, ::2, ::2] - L[:, ::2, 1::2] @ torch.linalg.solve(L[:, 1::2, 1::2], L[:, 1::2, ::2])
-            determinant = place[:, 0, 0] * place[:, 1, 1] - place[:, 0, 1] * place[:, 1, 0]
-            y = c0 * determinant / (place[:, 0, 0] + place[:, 1, 1])
+            y = c0 / (P[:, 0, 0] + P[:, 2, 2])
             total = total + torch.where(self.here[k], 1.0 - d + d * envelope(y / d), 0.0)
-            A = self.back.T @ L @ self.back
-            AG = A @ G
-            L = A - AG @ torch.linalg.solve(self.precision[k][:, None, None] * eye + G.T @ AG, AG.mT)
+            P = self.forward @ P @ self.forward.T + self.variance[k][:, None, None] * self.noise
         return total / len(self.here)
 
     def solve(self, steps: int = STEPS) -> Bound:

@@ -107,6 +107,14 @@ def test_a_missed_track_exists_less_its_azimuth_widens_and_it_is_probably_smalle
     assert after[0, 0] == pytest.approx(before[0, 0], rel=1e-3)
 
 
+def test_no_track_is_so_sure_that_it_outlives_misses_of_a_strong_echo():
+    """Many detections round the probability of existence to 1, where the rule of Bayes ends."""
+    slots, laws = one_track(1.0, variance=(20.0, 1e-8)), LAWS._replace(beam=BEAM._replace(reference=700e3))
+    for _ in range(3):
+        assert look(slots, findings(), PLACE[1], laws=laws) == -1
+    assert slots.existence[0] < 0.05
+
+
 @pytest.mark.parametrize(("fold", "n"), [(80.0, 2), (800.0, 3)])
 def test_a_found_track_exists_by_bayes(fold, n):
     """Densities of power, place and, where the fold is known, range-rate: of the target against a false alarm's.

@@ -69,6 +69,7 @@ BESIDE = 1.5 * REACH  # offset up to which a search looks for a track, whose tar
 ANOTHER_FOLD = 1e-4  # probability of another fold up to which a range-rate is used
 RARE = 0.01  # probability of a class of cross section below which it is left out
 SURE = 1.0 - 1e-6  # greatest probability of detection, so that a miss stays possible
+DOUBT = 1e-6  # least probability at a miss that a track has no target; an existence of 1 would outlive all misses
 MOST_WIDENED = 9.0  # greatest ratio of the variances after and before a miss: three standard deviations
 GRID = 40  # steps of a new track's offset over the beam
 GREATEST = 700.0  # logarithm of a likelihood ratio, so that the ratio is finite
@@ -262,7 +263,7 @@ def miss(k, time, slots, modes, prediction, ratio):
     The classes that would have been seen become less probable. prediction, ratio: of ``expect``.
     """
     x, P, mu = prediction.x, prediction.P, prediction.mu
-    none, section = 1.0 - slots.existence[k], slots.section[k]
+    none, section = max(1.0 - slots.existence[k], DOUBT), slots.section[k]
     section *= 1.0 - prediction.pd
     unseen = section.sum()
     section /= unseen  # by their own sum: rounding errors would grow a million times with each miss of a sure detection
