@@ -60,20 +60,24 @@ def test_samples_astray_are_of_targets_that_stay_and_had_a_track():
 
 
 def test_errors_are_of_targets_that_are_there():
-    """Slots follow target 0, target 1 that has left, and a false alarm; a fourth track is not confirmed."""
+    """Slots follow target 0, target 1 that has left, and a false alarm; a fourth track is not confirmed.
+
+    The fifth has used an echo of target 0, which is 101 m away, beyond the limit of 100 m.
+    """
     rng, x = np.random.default_rng(0), np.array([[1e3, 5.0, 2e3, -5.0], [9e9, 0.0, 9e9, 0.0]])
-    off, covariance = rng.standard_normal((4, 4)), np.tile(np.diag([4.0, 1.0, 9.0, 1.0]), (4, 1, 1))
+    off, covariance = rng.standard_normal((5, 4)), np.tile(np.diag([4.0, 1.0, 9.0, 1.0]), (5, 1, 1))
+    off[4, [0, 2]] = 0.0, 101.0
     truth = SimpleNamespace(
-        origin=np.array([[0, 1, -1, 0]]), here=np.array([[True, False]]), false=np.zeros(1, int),
-        present=np.zeros((1, 4), bool), squared_error=np.ones((1, 4)), variance=np.ones((1, 4)), nees=np.ones((1, 4))
+        origin=np.array([[0, 1, -1, 0, 0]]), here=np.array([[True, False]]), false=np.zeros(1, int),
+        present=np.zeros((1, 5), bool), squared_error=np.ones((1, 5)), variance=np.ones((1, 5)), nees=np.ones((1, 5))
     )  # fmt: skip
-    _errors(truth, 0, np.array([True, True, True, False]), x, x[0] + off, covariance)
-    assert truth.present[0].tolist() == [True, False, False, False]
-    assert truth.false[0] == 2
-    squares = off[0] ** 2
-    np.testing.assert_allclose(truth.squared_error[0], [squares[0] + squares[2], 0, 0, 0], rtol=1e-9)
-    np.testing.assert_allclose(truth.variance[0], [13.0, 0, 0, 0], rtol=1e-12)
-    np.testing.assert_allclose(truth.nees[0], [squares @ (1 / np.array([4.0, 1.0, 9.0, 1.0])), 0, 0, 0], rtol=1e-9)
+    _errors(truth, 0, np.array([True, True, True, False, True]), x, (x[0] + off, covariance), 100.0)
+    assert truth.present[0].tolist() == [True, False, False, False, False]
+    assert truth.false[0] == 3
+    squares, rest = off[0] ** 2, [0, 0, 0, 0]
+    np.testing.assert_allclose(truth.squared_error[0], [squares[0] + squares[2], *rest], rtol=1e-9)
+    np.testing.assert_allclose(truth.variance[0], [13.0, *rest], rtol=1e-12)
+    np.testing.assert_allclose(truth.nees[0], [squares @ (1 / np.array([4.0, 1.0, 9.0, 1.0])), *rest], rtol=1e-9)
 
 
 def test_a_pair_far_apart_costs_a_target_missed_and_a_false_track():

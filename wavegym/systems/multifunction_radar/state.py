@@ -124,7 +124,7 @@ def take_figures(truth: Truth, belief: Belief, rows: Array, flight: Flight, laws
         trace = covariance[:, 0, 0] + covariance[:, 2, 2]
         reported = (existence > 0.0) & (existence * (2.0 * most - trace) > most)
         confirmed = existence >= CONFIRMED
-        _errors(truth, e, confirmed, x, mean, covariance)
+        _errors(truth, e, confirmed, x, (mean, covariance), lost_beyond)
         _follow(truth, e, belief.time[e], lost_beyond)
         here = truth.here[e]
         truth.square_gospa[e] = _square_gospa(x[here], np.isnan(truth.confirmed[e, here]), mean[reported], most, area)
@@ -159,10 +159,15 @@ def _follow(truth: Truth, e: int, time: float, beyond: float) -> None:
     truth.astray[e] = steps_astray(truth.astray[e], truth.here[e] & ~near, held)
 
 
-def _errors(truth: Truth, e: int, confirmed: Array, x: Array, mean: Array, covariance: Array) -> None:
-    """Errors of confirmed tracks against the target whose echo each has used last, and the number of false tracks."""
-    origin = truth.origin[e]
-    present = confirmed & (origin >= 0) & truth.here[e][origin]
+def _errors(truth: Truth, e: int, confirmed: Array, x: Array, tracks: tuple[Array, Array], beyond: float) -> None:
+    """Errors of confirmed tracks against the target whose echo each has used last, and the number of false tracks.
+
+    A track farther than ``beyond`` from that target is of no target: the echo came from the flank of the beam, or the
+    track has stayed where no target is.
+    """
+    (mean, covariance), origin = tracks, truth.origin[e]
+    near = np.hypot(mean[:, 0] - x[origin, 0], mean[:, 2] - x[origin, 2]) <= beyond
+    present = confirmed & (origin >= 0) & truth.here[e][origin] & near
     truth.false[e] = (confirmed & ~present).sum()
     truth.present[e] = present
     error = mean[present] - x[origin[present]]

@@ -543,13 +543,14 @@ class MultifunctionRadar(System, UnequalSteps, TrackSlots, TimedPulses):
     def state_info(self, state: State) -> dict[str, Array]:
         """Figures by truth, evaluated every ``sample`` seconds and held in between.
 
-        For each slot: ``present`` (a confirmed track of a present target), and of these ``position_error`` (m),
-        ``position_variance`` (m^2) and ``nees``. For all: ``gospa`` (m) of the reported tracks, and the parts of its
-        square (m^2): ``gospa_unfound``, targets without a track that have never had a confirmed one, ``gospa_lost``,
-        other targets without a track, ``gospa_false``, tracks without a target, and ``gospa_error``, the squared errors
-        of the others; ``lost``, the number of targets lost (after five samples astray in a row, in place of steps);
-        ``false_tracks``, confirmed tracks of no target; ``targets``, the number present; ``confirm_delay`` (s), mean
-        time from arrival to the first confirmed track so far, over targets without a track at the start. For the dwell:
+        For each slot: ``present`` (a confirmed track within ``lost_beyond`` of a target, the one whose echo it has used
+        last), and of these ``position_error`` (m), ``position_variance`` (m^2) and ``nees``. For all:
+        ``gospa`` (m) of the reported tracks, and the parts of its square (m^2): ``gospa_unfound``, targets without a
+        track that have never had a confirmed one, ``gospa_lost``, other targets without a track, ``gospa_false``,
+        tracks without a target, and ``gospa_error``, the squared errors of the others; ``lost``, the number of targets
+        lost (after five samples astray in a row, in place of steps); ``false_tracks``, other confirmed tracks;
+        ``targets``, the number present; ``confirm_delay`` (s), mean time from arrival to the first confirmed track so
+        far, over targets without a track at the start. For the dwell:
         ``duration`` (s); whether it was ``replaced`` by a wait; and its cost (m^2 s) by ``cost_undetected``,
         ``cost_tentative`` and ``cost_confirmed``.
         """
