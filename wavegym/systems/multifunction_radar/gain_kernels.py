@@ -29,9 +29,9 @@ from wavegym.systems.multifunction_radar.dwell_kernels import (
     errors,
     expect,
     is_reported,
+    mean_rates,
     mean_square,
     predicted,
-    rate_of_slot,
     usable,
     variance_of,
 )
@@ -193,16 +193,10 @@ def settle(real, batch, menu, laws, rule, worths):
 
 
 @kernel
-def cost_to_come(time, slots, laws):
+def cost_of_rest(time, slots, laws):
     """Cost of the tracks after a simulated future, without any dwell."""
-    modes, area, most = laws.modes, laws.area, laws.most
-    total = 0.0
-    for k in range(len(slots.existence)):
-        if slots.existence[k] > 0.0:
-            for i in range(3):  # Simpson's rule
-                rate = rate_of_slot(k, time + 0.5 * i * AFTER, slots, modes, most, area)
-                total += AFTER / 6.0 * (4.0 if i == 1 else 1.0) * rate
-    return total
+    tentative, confirmed = mean_rates(time, AFTER, slots, laws.modes, laws.most, laws.area)
+    return AFTER * (tentative + confirmed)
 
 
 @kernel
@@ -248,7 +242,7 @@ def simulate(batch, first, keys, seconds, menu, laws, rule, worths, value):
             value[e] += simulate_dwell(e, batch, action, keys, updates, end, worths[0], menu, laws)
             scores_of_row(e, batch, menu, laws, rule, worths, scores)
             action = greatest(scores, batch.existence[e], menu)
-        share, before = (end - batch.time[e]) / duration[action], cost_to_come(batch.time[e], slots, laws)
+        share, before = (end - batch.time[e]) / duration[action], cost_of_rest(batch.time[e], slots, laws)
         last = simulate_dwell(e, batch, action, keys, updates, end, worths[0], menu, laws)
-        last += cost_to_come(batch.time[e], slots, laws)
+        last += cost_of_rest(batch.time[e], slots, laws)
         value[e] += share * last + (1.0 - share) * before
