@@ -78,7 +78,7 @@ def test_finer_grids_reach_to_the_neighbours_of_the_best_point():
 
     actions = SimpleNamespace(
         sensors=1, laws=("only",), durations=(1.0, 16.0), sweeps=(1.0, 16.0), chirp_covariance=covariance,
-        chirp_windows=lambda law, duration, sweep: np.zeros((*duration.shape, 10)), encode_chirps=lambda *chirp: chirp
+        chirp_windows=lambda law, duration, sweep: np.zeros((*duration.shape, 11)), encode_chirps=lambda *chirp: chirp
     )  # fmt: skip
     policy = Progressive(points=5, levels=3)
     policy._system = SimpleNamespace(action_set=actions)

@@ -52,10 +52,14 @@ def test_trains_in_beam_allocation_send_the_energy_of_the_chirp_and_fill_the_sam
     chirp, train = system.timings.values()
     assert train.duration * train.count == pytest.approx(chirp.duration, rel=1e-9)
     assert train.coherent_processing_interval == pytest.approx(2e-3, rel=1e-12)
-    one, several = (d * n * s for d, n, s in zip((50e-6, system.interval), system.counts, system.sweeps, strict=True))
+    one, several = (
+        d * n * s for d, n, s in zip((50e-6, system.intervals[1]), system.counts, system.sweeps, strict=True)
+    )
     assert one == pytest.approx(several, rel=1e-12)
     assert len(impossible(BeamAllocation(durations=(50e-6, 2e-3), counts=(1, 1)))) == 1
-    with pytest.raises(InputError, match=r"durations is .*, sweeps is .*, counts is \(1,\), expected one of each"):
+    with pytest.raises(
+        InputError, match=r"durations is .*, sweeps is .*, counts is \(1,\), intervals .*, expected one"
+    ):
         build_system(BeamAllocation, {"counts": (1,)})
     with pytest.raises(InputError, match="interval"):
         build_system(BeamAllocation, {"durations": (50e-6, 2e-3)})

@@ -51,16 +51,24 @@ REFUSED: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"births": (0, 0)}, "expected 3 steps"),
         ({"lifetime": 59}, "horizon is 60 steps.*nearest: 59"),
         ({"horizon": 61}, "horizon is 61 steps.*nearest: 60"),
-        ({"durations": (1e-4,)}, r"durations is \(0.0001,\), sweeps is .*, counts is \(1, 8\), expected one of each"),
+        (
+            {"durations": (1e-4,)},
+            r"durations is \(0.0001,\), sweeps is .*, counts is \(1, 8\), intervals .*, expected one",
+        ),
         ({"windows": ((3, 0, 5),)}, r"target of hidden window \(3, 0, 5\) is 3.*nearest: 2"),
         ({"hidden": (9, 5)}, r"hidden is \(9, 5\).*nearest: \(5, 9\)"),
         (
-            {"durations": (1e-4,) * 40, "sweeps": tuple(1e6 * k for k in range(1, 41)), "counts": (1,) * 40},
+            {
+                "durations": (1e-4,) * 40,
+                "sweeps": tuple(1e6 * k for k in range(1, 41)),
+                "counts": (1,) * 40,
+                "intervals": (1e-3,) * 40,
+            },
             "number of joint actions is 14400",
         ),
         ({"counts": (1, 8000)}, r"8000 x .* takes 1\.99976 s, .* the step, 1\.0 s \(nearest: 4000 pulses\)"),
         ({"counts": (1, 0)}, "counts.1 is 0, .*nearest: 1"),
-        ({"interval": 1e-4}, r"folds at 14989.6 m, .* farthest target, 31800.2 m \(nearest: interval"),
+        ({"intervals": (250e-6, 1e-4)}, r"folds at 14989.6 m, .* farthest target, 31800.2 m \(nearest: interval"),
     ],
     "CameraSlew": [
         ({"tracker": "kalmann"}, "expected one of 'kalman', 'package.module:name'; did you mean 'kalman'"),

@@ -314,9 +314,9 @@ class SensorBySensor(NamedTuple):
     Attributes:
         begin: from a belief to the targets at the time of the next pulse, before any sensor measures.
         costs: from these targets, a sensor, C (env or 1, candidate, 2, 2) at unit SNR, receive windows (env or 1,
-            candidate, 10) and rows of thresholds (candidate,), as ``action_set`` gives them, to trace(Lambda P) after
+            candidate, 11) and rows of thresholds (candidate,), as ``action_set`` gives them, to trace(Lambda P) after
             its pulse, (env, candidate).
-        after: from these targets, a sensor, C (env, 2, 2), window (env, 10) and row of the threshold (env,), to the
+        after: from these targets, a sensor, C (env, 2, 2), window (env, 11) and row of the threshold (env,), to the
             targets after this sensor's pulse.
     """
 

@@ -21,23 +21,28 @@ mean has a threshold of T times 1 + c.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import special
+from scipy import signal, special
 from scipy.constants import speed_of_light
 
 from wavegym.core.arrays import Array, check_broadcast, check_elements, check_finite
 from wavegym.core.errors import InputError, check_choice, check_non_negative, check_positive, check_within
-from wavegym.waveforms import PulseTrain, ambiguity
+from wavegym.sensors.scatterers_kernels import ClutterField
+from wavegym.waveforms import PulseTrain
 from wavegym.waveforms.waveform import Waveform
 
+Kind = Literal["ground", "sea", "rain"]
 Amplitude = Literal["rayleigh", "k", "weibull"]
 """The names of the laws of the clutter's amplitude."""
 AMPLITUDES = get_args(Amplitude)
+RATE_STEPS = 16  # of range-rates, in a Doppler filter's width
+RANGE_STEPS = 16  # of a table, for a factor of e
 RATE_NODES = 15  # of a mean over range-rates, within a pulse
 DELAYS = 6  # of an integral over delays, in 1 / sqrt(J)
 TEXTURE_NODES = 64  # of a mean over textures, on each axis
@@ -92,6 +97,39 @@ class Scatterers:
         return np.where(r >= self.nearest, kappa, 0.0)
 
 
+KINDS: dict[Kind, Scatterers] = {
+    "ground": Scatterers(density=0.5, reference_range=20e3, spread=0.3),
+    "sea": Scatterers(density=0.2, reference_range=20e3, rate=2.0, spread=1.5),
+    "rain": Scatterers(density=0.05, reference_range=20e3, exponent=2.0, rate=8.0, spread=3.0),
+}
+"""Fields by name. 0.5 / m at 20 km is the ground's where eta of 1 m^2 is 16 dB there, in a beam of 1 deg, with a
+reflectivity of -40 dB."""
+
+
+def clutter_field(
+    scatterers: Scatterers, waveforms: Sequence[Waveform], carrier_hz: float, farthest: float, fastest: float
+) -> ClutterField:
+    """``clutter_power`` of several waveforms, tabulated for kernels.
+
+    Args:
+        scatterers: the field.
+        waveforms: pulses or trains.
+        carrier_hz: fc, Hz.
+        farthest: greatest range of a filter, m; farther away the clutter is the same.
+        fastest: greatest range-rate of a filter, m/s; beyond it the clutter is the same.
+    """
+    check_positive("fastest", fastest, "m/s")
+    nearest = scatterers.nearest
+    count = 1 + math.ceil(RANGE_STEPS * math.log(max(farthest / nearest, math.e)))
+    ranges = np.geomspace(nearest, max(farthest, math.e * nearest), count)
+    filters = [waveform.count * waveform.interval for waveform in waveforms if isinstance(waveform, PulseTrain)]
+    width = speed_of_light / (2.0 * carrier_hz * max(filters)) if filters else fastest
+    rates = np.linspace(-fastest, fastest, 1 + 2 * math.ceil(RATE_STEPS * fastest / width))
+    power = [clutter_power(scatterers, waveform, carrier_hz, ranges, rates) for waveform in waveforms]
+    per_e = (count - 1) / math.log(ranges[-1] / nearest)
+    return ClutterField(np.array(power), nearest, per_e, -fastest, (len(rates) - 1) / (2.0 * fastest))
+
+
 def clutter_power(
     scatterers: Scatterers, waveform: Waveform, carrier_hz: float, ranges: ArrayLike, rates: ArrayLike
 ) -> Array:
@@ -111,12 +149,22 @@ def clutter_power(
     r, v = (np.atleast_1d(check_finite(name, x)) for name, x in (("ranges", ranges), ("rates", rates)))
     train = waveform if isinstance(waveform, PulseTrain) else PulseTrain(waveform, count=1, interval=1.0)
     v, fold = v - scatterers.rate, 0.5 * speed_of_light * train.interval
-    farther, passed = _passed_energy(train.pulse, carrier_hz, scatterers.spread, v)
+    nodes = _pulse_rates(train.pulse, carrier_hz, v)
+    farther, passed = _passed_energy(train.pulse, carrier_hz, scatterers.spread, nodes)
     shares = _pair_shares(train, carrier_hz, scatterers.spread, v)
     power = np.zeros((len(r), len(v)))
     for apart, share in zip(range(1 - train.count, train.count), shares, strict=True):
-        power += share * (scatterers.per_metre(r[:, None] + farther + apart * fold) @ passed)
+        received = scatterers.per_metre(r[:, None] + farther + apart * fold) @ passed  # (range, node)
+        power += share * [np.interp(v, nodes, row) for row in received]
     return power
+
+
+def _pulse_rates(pulse: Waveform, carrier_hz: float, rates: Array) -> Array:
+    """Rising range-rates between which a single pulse's filter hardly changes: ``rates``, or fewer."""
+    begin, end = pulse.support
+    steps = 2.0 * carrier_hz / speed_of_light * (end - begin) * np.ptp(rates)
+    count = 2 + math.ceil(RATE_STEPS * steps)
+    return np.linspace(rates.min(), rates.max(), count) if count < len(rates) else np.unique(rates)
 
 
 def _passed_energy(pulse: Waveform, carrier_hz: float, spread: float, rates: Array) -> tuple[Array, Array]:
@@ -126,12 +174,17 @@ def _passed_energy(pulse: Waveform, carrier_hz: float, spread: float, rates: Arr
     """
     begin, end = pulse.support
     count = math.ceil(DELAYS * (end - begin) * math.sqrt(pulse.fisher_information()[0, 0]))
-    delays = np.linspace(begin - end, end - begin, 2 * count + 1)
-    nodes, weights = np.polynomial.hermite_e.hermegauss(RATE_NODES if spread > 0.0 else 1)
-    dopplers = -2.0 * carrier_hz / speed_of_light * (rates[:, None] - spread * nodes).ravel()
-    passed = np.square(np.abs(ambiguity(pulse, delays, dopplers)))
-    farther = -0.5 * speed_of_light * delays
-    return farther, (farther[0] - farther[1]) * passed.reshape(len(delays), len(rates), -1) @ (weights / weights.sum())
+    t, step = np.linspace(begin, end, count, retstep=True)
+    sent = pulse.signal(t)
+    widths = 2.0 * carrier_hz / speed_of_light * (end - begin) * spread  # of a pulse's filter, in the spread
+    nodes, weights = np.polynomial.hermite_e.hermegauss(min(1 + math.ceil(RATE_STEPS * widths), RATE_NODES))
+    turns = 4.0j * np.pi * carrier_hz / speed_of_light * t  # rad in t, at 1 m/s
+    passed = np.empty((2 * count - 1, len(rates)))
+    for n, rate in enumerate(rates):
+        chi = [signal.correlate(sent * np.exp(turns * (rate - spread * node)), sent, method="fft") for node in nodes]
+        passed[:, n] = weights / weights.sum() @ np.square(np.abs(step * np.array(chi)))
+    farther = 0.5 * speed_of_light * step * np.arange(count - 1, -count, -1)
+    return farther, 0.5 * speed_of_light * step * passed
 
 
 def _pair_shares(train: PulseTrain, carrier_hz: float, spread: float, rates: Array) -> Array:

@@ -40,6 +40,11 @@ def eclipsed_library(waveforms: Iterable[Waveform]) -> EclipsedLibrary:
         raise InputError(f"{error}; or eclipsing=False, for a receiver that is always open") from error
 
 
+def numbered(windows: Array) -> Array:
+    """Receive windows with the number of their waveform, a row of the clutter field, in the last column, (row, 11)."""
+    return np.column_stack([windows, np.arange(len(windows))])
+
+
 @dataclass(frozen=True)
 class ChirpActions:
     """Every phase law with every duration, sweep and direction, at each of several sensors.
@@ -104,7 +109,7 @@ class ChirpActions:
         return self.joint if self.form == "joint" else PerSensorLibrary(self._choices, self.sensors)
 
     @property
-    def _waveforms(self) -> Library:
+    def waveforms(self) -> Library:
         """The waveforms of one sensor that enumerating schedulers try, each once."""
         return self.widest if self.form == "joint" else self.library
 
@@ -112,14 +117,14 @@ class ChirpActions:
     def _choices(self) -> Library:
         """Every waveform with every threshold, the threshold fastest."""
         if len(self.false_alarms) == 1:
-            return self._waveforms
-        choices = product(self._waveforms.labels, self.false_alarms)
+            return self.waveforms
+        choices = product(self.waveforms.labels, self.false_alarms)
         return Library(tuple(f"{label}, Pf {alarm:g}" for label, alarm in choices))
 
     @cached_property
     def sensor_library(self) -> tuple[Waveform | None, ...]:
         """The waveform of each of a sensor's choices that enumerating schedulers try."""
-        return tuple(waveform for waveform in self._waveforms for _ in self.false_alarms)
+        return tuple(waveform for waveform in self.waveforms for _ in self.false_alarms)
 
     @cached_property
     def thresholds(self) -> tuple[Array, Array]:
@@ -142,7 +147,7 @@ class ChirpActions:
     @cached_property
     def sensor_covariances(self) -> Array:
         """C (choice, 2, 2): measurement covariances of ``sensor_library`` at unit SNR."""
-        C = measurement_covariances(self._waveforms, self.carrier_hz)
+        C = measurement_covariances(self.waveforms, self.carrier_hz)
         return C.repeat(len(self.false_alarms), axis=0)
 
     @cached_property
@@ -178,7 +183,7 @@ class ChirpActions:
         if self.own:
             return self.encode(np.repeat(np.arange(len(self.sensor_library))[:, None], self.sensors, axis=1))
         alarms = len(self.false_alarms)
-        pairs = 2 * alarms * np.arange(len(self._waveforms) // 2)[:, None] + np.arange(alarms)
+        pairs = 2 * alarms * np.arange(len(self.waveforms) // 2)[:, None] + np.arange(alarms)
         directions = alarms * np.array(list(product((0, 1), repeat=self.sensors)))
         choices = pairs.reshape(-1, 1, 1) + directions
         return self.encode(choices.reshape(-1, self.sensors))
@@ -200,7 +205,7 @@ class ChirpActions:
     def _eclipsed(self) -> EclipsedLibrary:
         """The waveforms, each once; of a box, of every law one chirp of 1 s and 1 Hz."""
         unit = trapezoid_chirp_library(self.laws, (1.0,), (1.0,), ("up",))
-        return eclipsed_library(unit if self.form == "box" else self._waveforms)
+        return eclipsed_library(unit if self.form == "box" else self.waveforms)
 
     @property
     def tables(self) -> EclipseTables:
@@ -209,21 +214,18 @@ class ChirpActions:
 
     @cached_property
     def sensor_windows(self) -> Array:
-        """The receive windows of ``sensor_library``, (choice, 10)."""
-        if not self.eclipsing:
-            return NEVER_CUT.repeat(len(self.sensor_library), axis=0)
+        """The receive windows of ``sensor_library``, (choice, 11)."""
         if self.form == "box":
             return self.chirp_windows(*self._sensor_chirps)
-        return self._eclipsed.windows.repeat(len(self.false_alarms), axis=0)
+        return numbered(self.library_windows).repeat(len(self.false_alarms), axis=0)
+
+    @property
+    def library_windows(self) -> Array:
+        """The receive windows of the waveforms, each once, (waveform, 10)."""
+        return self._eclipsed.windows if self.eclipsing else NEVER_CUT.repeat(len(self.waveforms), axis=0)
 
     def windows(self, actions: Array) -> tuple[Array, Array]:
-        """Rows (..., sensor) of the second array, and the receive windows (row, 10), of the waveforms of ``actions``.
-
-        Where nothing is cut, all waveforms have one row, and (...) is (1,) for each of its axes.
-        """
-        if not self.eclipsing:
-            leading = np.ndim(actions) - (self.form != "joint")
-            return np.zeros((*(1,) * leading, self.sensors), np.int64), NEVER_CUT
+        """Rows (..., sensor) of the second array, and the receive windows (row, 11), of ``actions``."""
         if self.form == "library":
             return actions, self.sensor_windows
         if self.form == "joint":
@@ -232,14 +234,15 @@ class ChirpActions:
         return np.arange(found[..., 0].size).reshape(found.shape[:-1]), found.reshape(-1, found.shape[-1])
 
     def chirp_windows(self, law: Array, duration: Array, sweep: Array) -> Array:
-        """The receive windows (..., 10) of any chirps: see ``chirp_covariance``."""
+        """The receive windows (..., 11) of any chirps, see ``chirp_covariance``. No clutter field has them."""
         law = np.asarray(law, np.int64)
         if not self.eclipsing:
-            return np.broadcast_to(NEVER_CUT[0], (*np.shape(duration), NEVER_CUT.shape[1]))
+            return np.broadcast_to(np.append(NEVER_CUT[0], 0.0), (*np.shape(duration), NEVER_CUT.shape[1] + 1))
         table, unit = self._eclipsed.pulses
         timing = unit[law] * np.asarray(duration)[..., None]  # W and the count are no times
         timing[..., 1], timing[..., 6] = 2.0 * np.pi * np.asarray(sweep), 1.0
-        return receive_windows(self._eclipsed.tables, table[law], timing)
+        windows = receive_windows(self._eclipsed.tables, table[law], timing)
+        return np.concatenate([windows, np.zeros_like(windows[..., :1])], axis=-1)
 
     def chirp_covariance(self, law: Array, duration: Array, sweep: Array) -> Array:
         """C (..., 2, 2) of any chirps: index of the law, duration (s) and signed sweep (Hz), each (...)."""

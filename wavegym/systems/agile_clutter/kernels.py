@@ -22,6 +22,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import ndtri
 
 from wavegym.core.array_kernels import copy_vector
 from wavegym.core.counter_rng_kernels import stream
@@ -30,6 +31,7 @@ from wavegym.sensors.clutter_kernels import add_clutter, in_a_gate, in_gate, mos
 from wavegym.sensors.detection_kernels import EchoLaw, detection_of, effective_snr, inverse_snr, received_snr
 from wavegym.sensors.eclipsing_kernels import HALF_C, is_whole, windowed_covariance
 from wavegym.sensors.geometry_kernels import range_and_rate
+from wavegym.sensors.scatterers_kernels import noise_with_clutter
 from wavegym.trackers import gaussian_mixture_kernels as gaussian_mixture
 from wavegym.trackers.jpda_kernels import factor_one, update_targets
 from wavegym.trackers.kernels import predict_covariance_one, predict_mean_one
@@ -43,6 +45,10 @@ WINDOW = 3.0
 are predicted before; the rest is for the spread of competing returns, which widens the gates of the later sensors."""
 LEAST_SEEN = 0.02
 """Least share of an echo's energy that a receiver detects. The tails of a pulse, which leave 1 % of it, are no echo."""
+RATES = ndtri((np.arange(11) + 0.5) / 11.0)
+RATES /= np.sqrt(np.mean(RATES**2))
+"""Equally likely values of a standard normal law. Doppler filters have nulls a few m/s apart: over them a mean of these
+has a third of the error of Gauss-Hermite's."""
 LEAST_DENSITY = 1e-20
 """The tracker's clutter density where the true one is 0: a return in a gate is then always a target's."""
 
@@ -60,6 +66,7 @@ class Radar(NamedTuple):
     gate_probability: float
     carrier: float  # Hz
     tables: Any  # of pulses that are cut
+    field: Any  # ClutterField of scatterers, a row for each waveform; or None
 
 
 @inlined
@@ -94,32 +101,54 @@ def echo_of(e, i, r, pulse, radar):
 
 
 @inlined
+def window_of(e, i, pulse):
+    """Sensor i's row of the windows."""
+    return pulse.windows[pulse.window[row(e, pulse.window), i]]
+
+
+@inlined
 def alarm_of(e, i, pulse):
     """Row of sensor i's threshold."""
     return pulse.alarm[row(e, pulse.alarm), i]
 
 
 @kernel
-def expected_echo(r, weakness, C00, C01, C11, w, windows, alarm, radar):
+def expected_echo(r, v, V, weakness, C00, C01, C11, w, windows, alarm, radar):
     """(Pd, R00, R01, R11) of pulse w's echo from range r, as predicted: R is the mean of detected echoes.
 
-    C is that of the whole pulse at unit SNR, and 1 / weakness its eta. Pd is 0 if no part of the echo is visible.
+    The range-rate is normal with mean v and variance V; only scatterers make a difference between range-rates. C is
+    that of the whole pulse at unit SNR, and 1 / weakness its eta in noise. Pd is 0 if no part of the echo is visible.
     """
     share, C00, C01, C11 = echo(r, C00, C01, C11, w, windows, radar)
     if share == 0.0:
         return 0.0, C00, C01, C11
-    eta = share / weakness
-    spread = share / effective_snr(eta, alarm, radar.law)
-    return detection_of(eta, alarm, radar.law), spread * C00, spread * C01, spread * C11
+    pd, effective = detected(share / weakness, r, v, V, windows[w, -1], alarm, radar.field, radar.law)
+    spread = share / effective
+    return pd, spread * C00, spread * C01, spread * C11
+
+
+@kernel
+def detected(eta, r, v, V, waveform, alarm, field, law):
+    """(Pd, effective eta of detected echoes) of an echo of SNR eta in noise alone, over range-rates as predicted."""
+    pd, effective = detection_of(eta, alarm, law), effective_snr(eta, alarm, law)
+    if field is not None:
+        pd = error = 0.0
+        for node in RATES:
+            own = eta / noise_with_clutter(field, waveform, r, v + np.sqrt(V) * node)
+            seen = detection_of(own, alarm, law) / len(RATES)
+            pd += seen
+            error += seen / effective_snr(own, alarm, law)
+        effective = pd / error
+    return pd, effective
 
 
 @inlined
-def expected_echo_of(e, i, r, pulse, radar):
+def expected_echo_of(e, i, r, v, V, pulse, radar):
     """``expected_echo`` of sensor i's pulse."""
     C, own, w = pulse.C, row(e, pulse.C), pulse.window[row(e, pulse.window), i]
     return expected_echo(
-        r, weakness_one(e, i, r, pulse.strength, radar), C[own, i, 0, 0], C[own, i, 1, 0], C[own, i, 1, 1], w,
-        pulse.windows, alarm_of(e, i, pulse), radar
+        r, v, V, weakness_one(e, i, r, pulse.strength, radar), C[own, i, 0, 0], C[own, i, 1, 0], C[own, i, 1, 1],
+        w, pulse.windows, alarm_of(e, i, pulse), radar
     )  # fmt: skip
 
 
@@ -187,7 +216,9 @@ def predict_scan(e, i, x, P, lit, pulse, radar, work, nn):
     for t in range(len(lit)):
         if lit[t]:
             predict_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], scratch, centre, S, G, nn)
-            seen, N[t, 0, 0], N[t, 0, 1], N[t, 1, 1] = expected_echo_of(e, i, centre[t, 0], pulse, radar)
+            seen, N[t, 0, 0], N[t, 0, 1], N[t, 1, 1] = expected_echo_of(
+                e, i, centre[t, 0], centre[t, 1], S[t, 1, 1], pulse, radar
+            )
             N[t, 1, 0] = N[t, 0, 1]
             lit[t] = seen > 0.0
             pd[t] = chance[row(e, chance), i, t] * seen
@@ -215,6 +246,7 @@ def receive(e, i, k, key, lit, fresh, truth, error, pulse, world, gates, reach, 
             truth[e, t, 0], truth[e, t, 1], truth[e, t, 2], truth[e, t, 3], sensors[i, 0], sensors[i, 1]
         )
         weakness = weakness_one(e, i, r, pulse.strength, world)
+        weakness *= noise_with_clutter(world.field, window_of(e, i, pulse)[-1], r, v)
         share, C00, C01, C11 = echo_of(e, i, r, pulse, world)
         snr = received_snr(share / weakness, alarm, stream(key, t), world.law) if share > 0.0 else 0.0
         if snr == 0.0:
@@ -456,7 +488,8 @@ def noise_of_returns(i, z, pulse, radar, R):
     """R (e, m, 2, 2) of sensor i's pulse, as predicted at the ranges of its returns z (e, m, 2)."""
     for e in range(len(z)):
         for m in range(z.shape[1]):
-            _, R[e, m, 0, 0], R[e, m, 0, 1], R[e, m, 1, 1] = expected_echo_of(e, i, z[e, m, 0], pulse, radar)
+            r, v = z[e, m]
+            _, R[e, m, 0, 0], R[e, m, 0, 1], R[e, m, 1, 1] = expected_echo_of(e, i, r, v, 0.0, pulse, radar)
             R[e, m, 1, 0] = R[e, m, 0, 1]
 
 

@@ -59,7 +59,7 @@ def predict_sensor(e, i, x, P, lit, pulse, draws, radar, q2, A, z, S, G, K, nn):
     for t in range(len(lit)):
         if lit[t]:
             predict_measurement_one(t, t, x, P, sensors[i, 0], sensors[i, 1], A, z, S, G, nn)
-            pd, R00, R01, R11 = expected_echo_of(e, i, z[t, 0], pulse, radar)
+            pd, R00, R01, R11 = expected_echo_of(e, i, z[t, 0], z[t, 1], S[t, 1, 1], pulse, radar)
             if pd == 0.0:
                 continue
             S[t, 0, 0] += R00
@@ -106,7 +106,7 @@ def predict_present(step, mean, covariance, targets, F, Q, x_out, P_out, present
 
 @kernel
 def sensor_costs(i, x, P, present, C, windows, alarm, weights, radar, q2, cost, nn):
-    """cost (e, c) = trace(Lambda P) after sensor i's pulse with C (e or 1, c, 2, 2) at unit SNR, windows (same, c, 10)
+    """cost (e, c) = trace(Lambda P) after sensor i's pulse with C (e or 1, c, 2, 2) at unit SNR, windows (same, c, 11)
     and row of its threshold alarm (c,).
 
     The unscented transform and eta do not depend on the pulse and are computed once.
@@ -133,7 +133,7 @@ def sensor_costs(i, x, P, present, C, windows, alarm, weights, radar, q2, cost, 
             for c in range(C.shape[1]):
                 C00, C01, C11 = C[row, c, 0, 0], C[row, c, 0, 1], C[row, c, 1, 1]
                 pd, R00, R01, R11 = expected_echo(
-                    z[t, 0], weakness, C00, C01, C11, c, windows[row], alarm[c], radar
+                    z[t, 0], z[t, 1], S[t, 1, 1], weakness, C00, C01, C11, c, windows[row], alarm[c], radar
                 )  # fmt: skip
                 if pd == 0.0:
                     cost[e, c] += before
@@ -146,7 +146,7 @@ def sensor_costs(i, x, P, present, C, windows, alarm, weights, radar, q2, cost, 
 
 @kernel
 def after_sensor(i, x, P, present, C, windows, alarm, radar, q2, P_out, nn):
-    """P_out (e, t, n, n) after sensor i's pulse with C (e, 2, 2), windows (e, 10) and row of its threshold alarm (e,),
+    """P_out (e, t, n, n) after sensor i's pulse with C (e, 2, 2), windows (e, 11) and row of its threshold alarm (e,),
     before the next sensor's pulse.
     """
     count_t, n = present.shape[1], len(nn)

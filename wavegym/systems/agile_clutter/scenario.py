@@ -27,6 +27,8 @@ from wavegym.sensors import (
     range_law_snr,
 )
 from wavegym.sensors.detection import Fluctuation
+from wavegym.sensors.scatterers import KINDS, Kind, Scatterers, clutter_field
+from wavegym.sensors.scatterers_kernels import ClutterField
 from wavegym.sensors.trains import LOWEST, check_threshold
 from wavegym.systems.agile_clutter import kernels
 from wavegym.systems.agile_clutter import prediction_kernels as prediction
@@ -56,6 +58,7 @@ from wavegym.waveforms.timing import ENERGY
 
 SEARCHED = 2  # quantities over which a receiver takes the greatest value: delay and Doppler
 MOST_SENSORS = 16
+FASTER = 100.0  # m/s, reach of the clutter's table beyond 1.25 times the greatest first speed
 MOST_STARTS = 256  # of a recording, at which the clutter in the gates is checked
 
 
@@ -127,6 +130,13 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         truth=True,
         ge=0,
     )
+    scatterers: Kind | Scatterers | None = parameter(
+        None,
+        'field of scatterers that compete with an echo in its filter: "ground", "sea", "rain" or a Scatterers with '
+        "amplitude 'rayleigh'; None for none",
+        unit="",
+        truth=True,
+    )
     gate: float = parameter(4.0, "radius of the validation gates in standard deviations", gt=0)
     weights: NonNegativeState = parameter((1.0, 1.0, 1.0, 1.0), "diagonal of Lambda", unit="1, s^2")
     laws: tuple[str, ...] = parameter(
@@ -173,6 +183,7 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         self._check_targets()
         self._recorded  # noqa: B018  (an invalid recording is reported here)
         self._check_clutter()
+        self._check_scatterers()
         self._check_precision()
         check_time_on_target(self.timings, self.dt)
         check_range_folds(self.timings, self._farthest_range())
@@ -242,6 +253,13 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
                 f"{most:g}): a target of prior_variance {self.prior_variance} that is not detected in {self.lifetime} "
                 f"steps of {self.dt:g} s would have over {kernels.MOST_CLUTTER:g} false returns in its gate"
             )
+
+    def _check_scatterers(self) -> None:
+        """InputError for scatterers with chirps without a table, or with an amplitude that no receiver knows."""
+        if self.scatterers is not None and self.action == "box":
+            raise InputError("scatterers is given with action='box', expected action='library' or 'joint'")
+        if isinstance(self.scatterers, Scatterers) and self.scatterers.amplitude != "rayleigh":
+            raise InputError(f"amplitude of scatterers is {self.scatterers.amplitude!r}, expected 'rayleigh'")
 
     def _check_precision(self) -> None:
         """InputError for pulses too fine for the tracker; see ``check_precision``."""
@@ -321,7 +339,18 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
         return kernels.Radar(
             np.array(self.sensors), self.reference_range, self.nearest_range, law, noise, self.clutter_density,
             self.gate, float(gate_probability(self.gate)), self.carrier_hz, self.action_set.tables,
+            self.clutter_field,
         )  # fmt: skip
+
+    @cached_property
+    def clutter_field(self) -> ClutterField | None:
+        """c(r, v) of every waveform."""
+        if self.scatterers is None:
+            return None
+        field = self.scatterers if isinstance(self.scatterers, Scatterers) else KINDS[self.scatterers]
+        fastest = 1.25 * float(np.hypot(*self._possible_starts()[:, 2:].T).max()) + FASTER
+        farthest = 1.25 * self._farthest_range()
+        return clutter_field(field, tuple(self.action_set.waveforms), self.carrier_hz, farthest, fastest)
 
     @cached_property
     def linear_cost(self) -> LinearCost:

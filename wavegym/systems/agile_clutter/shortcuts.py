@@ -80,7 +80,7 @@ def sensor_costs(
     system: AgileClutter, predicted: PredictedTargets, sensor: int, C: Array, windows: Array, alarm: Array
 ) -> Array:
     """trace(Lambda P) after one sensor's pulse, (env, candidate), for C (env or 1, candidate, 2, 2) at unit SNR,
-    receive windows (env or 1, candidate, 10) and rows of thresholds (candidate,).
+    receive windows (env or 1, candidate, 11) and rows of thresholds (candidate,).
     """
     cost = np.empty((len(predicted.mean), C.shape[1]))
     prediction.sensor_costs(
@@ -92,7 +92,7 @@ def sensor_costs(
 def after_sensor(
     system: AgileClutter, predicted: PredictedTargets, sensor: int, C: Array, windows: Array, alarm: Array
 ) -> PredictedTargets:
-    """The belief after this sensor's pulse with C (env, 2, 2) at unit SNR, receive windows (env, 10) and rows of
+    """The belief after this sensor's pulse with C (env, 2, 2) at unit SNR, receive windows (env, 11) and rows of
     thresholds (env,), before the next sensor's pulse.
     """
     P = np.empty(predicted.covariance.shape)

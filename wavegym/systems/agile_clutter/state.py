@@ -78,7 +78,7 @@ class Pulse(NamedTuple):
     chance: Array  # (env, candidate, sensor, target) probability of illuminating a visible target; 0 opens no gate
     alarm: Array  # (env, candidate, sensor) int: row of the receiver's threshold
     window: Array  # (env, candidate, sensor) int: row of ``windows``
-    windows: Array  # (row, 10) pulses and their receive windows, see ``wavegym.sensors.eclipsing.receive_windows``
+    windows: Array  # (row, 11) ``wavegym.sensors.eclipsing.receive_windows``, and the row of the clutter field
 
     def rows(self, shape: tuple[int, int]) -> Pulse:
         """The fields with one flat axis for (env, candidate) of ``shape``, or of length 1 where all share a pulse."""

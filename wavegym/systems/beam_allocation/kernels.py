@@ -35,7 +35,9 @@ def predict_chirps(i, code, place, x, P, chirps, windows, radar, q2, work, nn):
     for d in range(1, len(chirps) + 1):
         C = chirps[d - 1]
         C00, C01, C11 = C[0, 0], C[0, 1], C[1, 1]
-        pd, R00, R01, R11 = expected_echo(z[0, 0], weakness, C00, C01, C11, d - 1, windows, 0, radar)
+        pd, R00, R01, R11 = expected_echo(
+            z[0, 0], z[0, 1], spread[2], weakness, C00, C01, C11, d - 1, windows, 0, radar
+        )
         for a in range(len(nn)):
             for b in range(len(nn)):
                 P[code + d * place, a, b] = P[code, a, b]
@@ -70,7 +72,7 @@ def gain(step, mean, covariance, visible, wait, ahead, code_of, codes, chirps, w
     """out (e, c): reduction of trace(M P) by joint action c after ``wait`` (e, c) steps without any measurement.
 
     visible (e, H, t). code_of (c, t): each action's code at each target, one of ``codes``; chirps (d, 2, 2) and
-    windows (d, 10): see ``agile_clutter.kernels``.
+    windows (d, 11): see ``agile_clutter.kernels``.
     M (L, n, n): for 1, 2, ... L steps. ``ahead`` (e, t): steps that count, up to the end of the episode.
     Neighbouring candidates with equal waits share their work.
     """

@@ -39,7 +39,7 @@ def gain(system: BeamAllocation, belief: Belief, wait: Array | int, ahead: Array
     M, visible = system.linear_cost.weights_ahead(int(counted.max())), for_kernel(belief.visible)
     kernels.gain(
         *belief[:3], visible, waits, counted, *system.action_set.chirp_codes, system.action_set.chirp_covariances,
-        system.action_set.library_windows, M, *system._model, system._radar, reduction_table(), out, NN
+        system.action_set.numbered_windows, M, *system._model, system._radar, reduction_table(), out, NN
     )  # fmt: skip
     return out
 

@@ -15,8 +15,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Count, Positive, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State
-from wavegym.sensors.eclipsing import NEVER_CUT
-from wavegym.systems.agile_clutter.actions import ChirpActions
+from wavegym.systems.agile_clutter.actions import ChirpActions, numbered
 from wavegym.systems.agile_clutter.state import (
     NonNegativeState,
     PlanarState,
@@ -50,30 +49,30 @@ class BeamActions(ChirpActions):
     Args:
         targets: number of targets.
         counts: number of pulses of each chirp's train; 1 is the chirp alone.
-        interval: time between the pulses of a train, s.
+        intervals: time between the pulses of each chirp's train, s; not used for a chirp alone.
     """
 
     targets: int
     counts: tuple[int, ...] = field(kw_only=True)
-    interval: float = field(kw_only=True)
+    intervals: tuple[float, ...] = field(kw_only=True)
 
     @cached_property
     def library(self) -> Library:
-        """Every law with each duration, sweep and number of pulses, rising.
+        """Every law with each duration, sweep, number of pulses and interval, rising.
 
         InputError for unequal numbers of them, or for an interval without room for a pulse.
         """
-        given = {"durations": self.durations, "sweeps": self.sweeps, "counts": self.counts}
+        given = {"durations": self.durations, "sweeps": self.sweeps, "counts": self.counts, "intervals": self.intervals}
         if len({len(values) for values in given.values()}) > 1:
             listed = ", ".join(f"{name} is {values}" for name, values in given.items())
             raise InputError(f"{listed}, expected one of each for every chirp")
         trains = zip(*given.values(), strict=True)
         return Library(tuple(self._sent(law, *train) for law, train in product(self.laws, trains)))
 
-    def _sent(self, law: str, duration: float, sweep: float, count: int) -> Waveform:
+    def _sent(self, law: str, duration: float, sweep: float, count: int, interval: float) -> Waveform:
         """A chirp, or a train of it."""
         chirp = trapezoid_chirp_library((law,), (duration,), (sweep,))[0]
-        return chirp if count == 1 else PulseTrain(chirp, count=count, interval=self.interval)
+        return chirp if count == 1 else PulseTrain(chirp, count=count, interval=interval)
 
     @cached_property
     def joint(self) -> JointLibrary:
@@ -92,19 +91,19 @@ class BeamActions(ChirpActions):
         return measurement_covariances(self.library, self.carrier_hz)
 
     @property
-    def _waveforms(self) -> Library:
+    def waveforms(self) -> Library:
         """The chirps, each once."""
         return self.library
 
     @cached_property
-    def library_windows(self) -> Array:
-        """The receive windows of the chirps, (chirp, 10)."""
-        return self._eclipsed.windows if self.eclipsing else NEVER_CUT.repeat(len(self.library), axis=0)
+    def numbered_windows(self) -> Array:
+        """The receive windows of the chirps, (chirp, 11)."""
+        return numbered(self.library_windows)
 
     @cached_property
     def sensor_windows(self) -> Array:
-        """The receive windows of each of a sensor's choices, (choice, 10)."""
-        return np.tile(self.library_windows, (self.targets, 1))
+        """The receive windows of each of a sensor's choices, (choice, 11)."""
+        return np.tile(self.numbered_windows, (self.targets, 1))
 
     @cached_property
     def sensor_covariances(self) -> Array:
@@ -196,7 +195,9 @@ class BeamAllocation(AgileClutter):
         unit="Hz",
     )
     counts: tuple[Count, ...] = parameter((1, 8), "number of coherent pulses of each chirp, as many as durations")
-    interval: float = parameter(250e-6, "time between the pulses of a train", unit="s", gt=0)
+    intervals: tuple[Positive, ...] = parameter(
+        (250e-6, 250e-6), "time between the pulses of each chirp's train, as many as durations", unit="s"
+    )
     library: None = parameter(None, "not used", unit="")
     false_alarms: tuple[()] = parameter((), "not used", unit="")
     alarm_density: None = parameter(None, "not used", unit="")
@@ -237,7 +238,7 @@ class BeamAllocation(AgileClutter):
             self.action,
             len(self.starts),
             counts=self.counts,
-            interval=self.interval,
+            intervals=self.intervals,
             eclipsing=self.eclipsing,
             false_alarms=(self.false_alarm,),
         )

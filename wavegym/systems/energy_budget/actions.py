@@ -14,7 +14,7 @@ from wavegym.core.action_sets import JointLibrary, Library
 from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError
 from wavegym.sensors.eclipsing import NEVER_CUT, NO_TABLES, EclipsedLibrary, EclipseTables
-from wavegym.systems.agile_clutter.actions import eclipsed_library
+from wavegym.systems.agile_clutter.actions import eclipsed_library, numbered
 from wavegym.waveforms import Waveform, measurement_covariances, trapezoid_chirp_library
 
 FINEST = 1000  # quanta in the longest pulse, at most
@@ -91,18 +91,19 @@ class PulseActions:
     false_alarm: float = 0.01
 
     @cached_property
-    def _chirps(self) -> Any:
+    def waveforms(self) -> Any:
+        """The chirp in every duration."""
         return trapezoid_chirp_library([self.law], sorted(self.durations), [self.sweep], [self.direction])
 
     @property
     def sensor_library(self) -> tuple[Waveform | None, ...]:
         """The chirp of each of a sensor's options; None for silence."""
-        return (None, *self._chirps)
+        return (None, *self.waveforms)
 
     @cached_property
     def actions(self) -> JointLibrary:
         """Silence or a duration at every sensor, as one index."""
-        return JointLibrary(Library(("silent", *self._chirps.labels)), self.sensors)
+        return JointLibrary(Library(("silent", *self.waveforms.labels)), self.sensors)
 
     @property
     def candidates(self) -> Array:
@@ -146,12 +147,12 @@ class PulseActions:
     @cached_property
     def unit_covariances(self) -> Array:
         """C (option, 2, 2) at unit SNR; silence has the longest pulse's C, which has no effect."""
-        C = measurement_covariances(self._chirps, self.carrier_hz)
+        C = measurement_covariances(self.waveforms, self.carrier_hz)
         return np.concatenate([C[-1:], C])
 
     @cached_property
     def _eclipsed(self) -> EclipsedLibrary:
-        return eclipsed_library(self._chirps)
+        return eclipsed_library(self.waveforms)
 
     @property
     def thresholds(self) -> tuple[Array, Array]:
@@ -165,10 +166,9 @@ class PulseActions:
 
     @cached_property
     def sensor_windows(self) -> Array:
-        """The receive windows (option, 10); silence has the longest pulse's, which has no effect."""
-        if not self.eclipsing:
-            return NEVER_CUT.repeat(len(self._chirps) + 1, axis=0)
-        return np.concatenate([self._eclipsed.windows[-1:], self._eclipsed.windows])
+        """The receive windows (option, 11); silence has the longest pulse's, which has no effect."""
+        windows = self._eclipsed.windows if self.eclipsing else NEVER_CUT.repeat(len(self.waveforms), axis=0)
+        return numbered(windows)[np.arange(-1, len(windows))]
 
     @property
     def sensor_covariances(self) -> Array:

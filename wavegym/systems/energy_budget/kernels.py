@@ -67,7 +67,7 @@ def last_fall(c, i, present, pulse, seen, z, S, G, M, radar, q2):
     total = 0.0
     for t in range(len(present)):
         if present[t] and seen[c, i, t] > 0.0:
-            pd, R00, R01, R11 = expected_echo_of(c, i, z[t, 0], pulse, radar)
+            pd, R00, R01, R11 = expected_echo_of(c, i, z[t, 0], z[t, 1], S[t, 1, 1], pulse, radar)
             if pd == 0.0:
                 continue
             s0, s1, s2 = S[t, 0, 0] + R00, S[t, 0, 1] + R01, S[t, 1, 1] + R11

@@ -13,6 +13,7 @@ from wavegym.core.arrays import Array
 from wavegym.core.errors import InputError, check_within
 from wavegym.core.parameters import Positive, changed_default, parameter, system_parameters
 from wavegym.core.system import ObservationField, State
+from wavegym.sensors.scatterers_kernels import ClutterField
 from wavegym.systems.agile_clutter.state import (
     NonNegativeState,
     PlanarState,
@@ -247,6 +248,12 @@ class EnergyBudget(AgileClutter):
         pulses = self._candidate_pulses
         C, strength, illuminated, alarm, options = (a.take(used, axis=0) for a in pulses[:-1])
         return Pulse(C, strength, clear[..., None, None] * illuminated, alarm, options, pulses.windows)
+
+    @cached_property
+    def clutter_field(self) -> ClutterField | None:
+        """c(r, v) of every duration, in proportion to its energy."""
+        longest = super().clutter_field
+        return longest and longest._replace(power=longest.power * self.action_set.strength[1:, None, None])
 
     @cached_property
     def _candidate_pulses(self) -> Pulse:
