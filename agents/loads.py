@@ -5,8 +5,9 @@ agents were trained, at the registered load. Results are written to results/load
 docs/multifunction_radar.md.
 
 ``--planners`` plays the planners at one load, in few worlds, because a decision takes up to 0.1 s. ``--shifts``
-changes the radar or the targets at one load, with the same constants and agents. ``--times`` only times the decisions
-again, on an otherwise idle machine. ``--tables`` renews the page without playing.
+changes the radar or the targets at one load, with the same constants and agents. ``--agents`` plays only the agents and
+the best rule again. ``--times`` only times the decisions again, on an otherwise idle machine. ``--tables`` renews the
+page without playing.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from scipy.stats import chi2
 from agents.blocks import read_results
 from agents.dwell_bound import Relaxation
 from agents.leaderboard import ROOT
-from agents.loads_page import AGENT, BASE, COST_PARTS, FOLDER, LOADS, SIMPLE, renew
+from agents.loads_page import BASE, COST_PARTS, FOLDER, LOADS, SIMPLE, renew
 from wavegym.core.arrays import Array
 from wavegym.core.command_line import Parser, guarded
 from wavegym.core.files import write_whole
@@ -42,7 +43,7 @@ from wavegym.systems.multifunction_radar.system import MultifunctionRadar
 
 NAME = "MultifunctionRadar"
 ENV_ID = f"wavegym/{NAME}-v1"
-RUNS = ROOT / "results" / "runs" / NAME / "ppo"
+RUNS = ROOT / "results" / "runs" / NAME
 WORLDS, SEED = 60, 0
 TIMED = 300  # decisions of one environment
 QUANTILE = 0.99  # of the chi-squared distribution
@@ -76,6 +77,13 @@ def results_of(load: int, worlds: int) -> dict[str, Any]:
     return {"load": load, "worlds": worlds, "policies": played, "bound": _bound(task.system, load), "blind": blind}
 
 
+def agents_again(results: Mapping[str, Any]) -> dict[str, Any]:
+    """The results of one load with agents that play now, on the same worlds."""
+    task, seeds = make_task(ENV_ID, {"targets": float(results["load"])}), world_seeds(SEED, "test", results["worlds"])
+    policies = {**_heuristics([BASE]), **_agents(task)}
+    return {**results, "policies": {**results["policies"], **_compared(task, policies, seeds, BASE, TIMED)}}
+
+
 def timed_again(results: Mapping[str, Any]) -> dict[str, Any]:
     """The results of one load with times of decisions that are measured now."""
     task = make_task(ENV_ID, {"targets": float(results["load"])})
@@ -98,14 +106,14 @@ def _heuristics(names: Iterable[str]) -> dict[str, list[Policy]]:
 
 
 def _agents(task: Task) -> dict[str, list[Policy]]:
-    """The trained agents by algorithm, each a list of seeds."""
-    return {AGENT: load_policy(RUNS, ENV_ID, task.system)} if RUNS.exists() else {}
+    """The trained agents of results/experiments.toml, each a list of seeds."""
+    return {folder.name: load_policy(folder, ENV_ID, task.system) for folder in sorted(RUNS.glob("*"))}
 
 
 def _compared(
     task: Task, policies: Mapping[str, list[Policy]], seeds: list[int], reference: str, timed: int
 ) -> dict[str, Any]:
-    """Costs and figures of each policy's members on the same worlds; costs also against a reference and the agent."""
+    """Costs and figures of each policy's members on the same worlds; costs also against those of a reference."""
     played, costs = dict[str, Any](), dict[str, Array]()
     for name, members in policies.items():
         watched = [_play(task, member, seeds) for member in members]
@@ -121,8 +129,6 @@ def _compared(
         }
     for name, figures in played.items():
         figures["against"] = statistics.difference(costs[name], costs[reference], _rng()).percent._asdict()
-        if AGENT in costs:
-            figures["agent_against"] = statistics.difference(costs[AGENT], costs[name], _rng()).percent._asdict()
     return played
 
 
@@ -243,6 +249,7 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=WORLDS, help=f"test worlds (default: {WORLDS})")
     parser.add_argument("--planners", action="store_true", help=f"play only the planners, at {PLANNED_LOAD} targets")
     parser.add_argument("--shifts", action="store_true", help=f"play only changed radars, at {SHIFTED_LOAD} targets")
+    parser.add_argument("--agents", action="store_true", help=f"play only agents and {BASE} again")
     parser.add_argument("--times", action="store_true", help="time the decisions of earlier results; play nothing")
     parser.add_argument("--tables", action="store_true", help="renew the page from earlier results; play nothing")
     read = parser.read(None)
@@ -252,7 +259,11 @@ def main() -> None:
         _write("shifts.json", shifts_of(SHIFTED_LOAD, read.worlds))
     for load in () if read.tables or read.planners or read.shifts else read.loads or LOADS:
         name = f"{load}.json"
-        _write(name, timed_again(read_results(FOLDER / name)) if read.times else results_of(load, read.worlds))
+        if read.times or read.agents:
+            again = timed_again if read.times else agents_again
+            _write(name, again(read_results(FOLDER / name)))
+        else:
+            _write(name, results_of(load, read.worlds))
     renew()
 
 

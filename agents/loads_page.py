@@ -24,7 +24,7 @@ START, END = "<!-- made by `python -m agents.loads`: -->", "<!-- loads to here -
 PICTURE = ROOT / "docs" / "images" / "loads.png"
 LOADS = (8, 16, 32, 64)
 COST_PARTS = ("undetected", "tentative", "confirmed")
-SIMPLE, BASE, AGENT = "gain-per-second", "searched-dwell", "ppo"
+SIMPLE, BASE = "gain-per-second", "searched-dwell"
 SHOWN = (0.05, 0.1, 0.2, 0.5)  # ticks of costs for each target
 FARTHEST_SHOWN = 40.0  # per cent; the legend has the costs of policies beyond this
 COLOURS = {
@@ -37,16 +37,16 @@ COLOURS = {
     "delay-index": "tab:pink",
     BASE: "black",
     "frame-greedy": "tab:cyan",
-    AGENT: "tab:red",
+    "ppo": "tab:red",
+    "ppo-scratch": "lightcoral",
+    "ppo-imitation": "darkred",
 }
 
 
 def renew(folder: Path = FOLDER) -> None:
     """Renew the page and the picture from all results."""
     results = [found for load in LOADS if (found := read_results(folder / f"{load}.json"))]
-    with_agent = [found for found in results if "agent_against" in found["policies"][BASE]]
-    parts = [agent_table(with_agent)] if with_agent else []
-    parts += [f"### {found['load']} targets, {found['worlds']} worlds\n\n{table(found)}" for found in results]
+    parts = [f"### {found['load']} targets, {found['worlds']} worlds\n\n{table(found)}" for found in results]
     planned, shifted = (read_results(folder / f"{name}.json") for name in ("planners", "shifts"))
     if planned:
         what = f"### Planners at {planned['load']} targets, {planned['worlds']} worlds of {planned['seconds']:g} s"
@@ -56,18 +56,6 @@ def renew(folder: Path = FOLDER) -> None:
         parts.append(f"{what}\n\n{shifts_table(shifted)}")
     blocks.renew(PAGE, START, END, "\n\n".join(parts))
     write_whole(PICTURE.parent, {PICTURE.name: picture(results, planned)})
-
-
-def agent_table(results: list[dict[str, Any]]) -> str:
-    """The agent's cost by belief against that of each policy, in per cent, at each load with this figure."""
-    head = ["policy", *(cell for found in results for cell in (f"{found['load']} targets", "95 %"))]
-    rows = []
-    for name in (name for name in results[0]["policies"] if name != AGENT):
-        against = [found["policies"][name]["agent_against"] for found in results]
-        rows.append(
-            [name, *(cell for each in against for cell in (signed(each["value"]), interval(each["ci"], signed)))]
-        )
-    return f"### Cost of PPO by belief, % above (+) or below (-) that of each policy\n\n{tabulated(head, rows)}"
 
 
 def table(results: Mapping[str, Any]) -> str:
