@@ -1,0 +1,152 @@
+"""What the choice of a waveform is worth among scatterers: ``python -m agents.clutter``.
+
+Two radars choose among trains of sixteen pulses at three intervals, in ground, sea and rain clutter and without
+clutter. The one-step scheduler plays with all of them, with each alone, and with one after another as a radar that
+staggers its intervals. Results are written to results/clutter.json, table and picture to docs/clutter.md. ``--tables``
+renews the page without playing.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from agents import blocks
+from agents.leaderboard import ROOT
+from wavegym.core.action_sets import Library
+from wavegym.core.arrays import Array
+from wavegym.core.command_line import Parser, guarded
+from wavegym.core.files import write_whole
+from wavegym.core.system import System
+from wavegym.evaluation import compare
+from wavegym.evaluation.comparison import BASELINE, Comparison
+from wavegym.evaluation.picture import as_png
+from wavegym.evaluation.table import interval, number, signed, tabulated
+from wavegym.schedulers import Myopic
+from wavegym.sensors.scatterers import KINDS, clutter_power
+from wavegym.waveforms import PulseTrain, TrapezoidChirp
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+RESULTS, PAGE = ROOT / "results" / "clutter.json", ROOT / "docs" / "clutter.md"
+START, END = "<!-- made by `python -m agents.clutter`: -->", "<!-- clutter to here -->"
+PICTURE = ROOT / "docs" / "images" / "clutter.png"
+WORLDS, SEED = 300, 0
+PULSES, DURATION, SWEEP = 16, 3e-6, 5e6
+BEAMS, SCANS = (213e-6, 250e-6, 300e-6), (150e-6, 160e-6, 172e-6)  # intervals of the two systems, s
+IN_TURN = "in turn"
+CARRIER_HZ, RANGE = 10.4e9, 20e3  # of the picture
+
+
+class OneTrain(Myopic):
+    """The one-step scheduler with a train that it did not choose: always the same, or the trains in turn.
+
+    Args:
+        number: of the train; None for one after another, the same at all radars.
+    """
+
+    def __init__(self, number: int | None) -> None:
+        super().__init__()
+        self.number = number
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        super().begin(system, num_envs, rng)
+        pulses: Any = self._system.action_set
+        rows, windows = pulses.windows(self._system.candidates())
+        self._trains, self._count = windows[rows, -1], len(pulses.waveforms)  # (candidate, sensor)
+
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
+        """See ``Policy``."""
+        now = belief.step % self._count if self.number is None else np.full(len(belief.step), self.number)
+        return super().act(belief, observation, (self._trains == now[:, None, None]).all(axis=2))
+
+
+def systems() -> dict[str, dict[str, Any]]:
+    """Parameters of each system with trains."""
+    pulse = TrapezoidChirp(kind="pfm", duration=DURATION, sweep=SWEEP)
+    trains = Library(tuple(PulseTrain(pulse, count=PULSES, interval=each) for each in SCANS))
+    same = {"durations": (DURATION,), "sweeps": (SWEEP,), "counts": (PULSES,)}
+    beams = {name: values * len(BEAMS) for name, values in same.items()} | {"intervals": BEAMS}
+    return {"BeamAllocation": beams, "AgileClutter": {"library": trains}}
+
+
+def play(name: str, parameters: Mapping[str, Any], kind: str | None) -> dict[str, Any]:
+    """The schedulers in one system and kind of clutter."""
+    intervals = BEAMS if name == "BeamAllocation" else SCANS
+    fixed = {f"{1e6 * each:g} us": OneTrain(n) for n, each in enumerate(intervals)}
+    policies: dict[str, Any] = {BASELINE: None, IN_TURN: OneTrain(None), **fixed}
+    played = compare(
+        f"wavegym/{name}-v0", policies, worlds=WORLDS, seed=SEED, progress=False, scatterers=kind, **parameters
+    )
+    return {each: _figures(played, each) for each in policies}
+
+
+def _figures(played: Comparison, name: str) -> dict[str, Any]:
+    """Mean cost, NEES, and the geometric mean of the ratios to the one-step scheduler, in per cent."""
+    halves = {by: played.against(name, by=by)._asdict() for by in ("belief", "truth")}
+    nees, lost = (float(np.mean([getattr(member, key) for member in played.played[name]])) for key in ("nees", "lost"))
+    return {"cost": float(played.cost(name).mean()), "nees": nees, "lost": lost, **halves}
+
+
+def table(results: Mapping[str, Any]) -> str:
+    """A line for each system, kind of clutter and policy."""
+    rows = []
+    for place, policies in results.items():
+        for name, figures in policies.items():
+            row = [*place.split("/"), name, number(figures["cost"])]
+            for by in ("belief", "truth"):
+                row += [signed(figures[by]["value"]), interval(figures[by]["ci"], signed)]
+            rows.append([*row, f"{figures['nees']:.2f}", f"{figures['lost']:.2f}"])
+    head = ["system", "clutter", "policy", "mean cost", "belief %", "95 %", "truth %", "95 %", "NEES", "lost"]
+    return tabulated(head, rows)
+
+
+def picture() -> bytes:
+    """c(v) of the trains of BeamAllocation in each kind of clutter, and what the best of the three leaves."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 6.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, kind in zip(figure.subplots(len(KINDS), 1, sharex=True, sharey=True), KINDS, strict=True):
+        _draw(axes, kind)
+    axes.set_xlabel("range-rate of the filter [m/s]")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize="small")
+    return as_png(figure)
+
+
+def _draw(axes: Axes, kind: Any) -> None:
+    """Loss of SNR by one kind of clutter."""
+    pulse, rates = TrapezoidChirp(kind="pfm", duration=DURATION, sweep=SWEEP), np.linspace(-10.0, 150.0, 801)
+    trains = [PulseTrain(pulse, count=PULSES, interval=each) for each in BEAMS]
+    lost = [10.0 * np.log10(1.0 + clutter_power(KINDS[kind], train, CARRIER_HZ, RANGE, rates)[0]) for train in trains]
+    for each, loss in zip(BEAMS, lost, strict=True):
+        axes.plot(rates, loss, linewidth=0.8, label=f"every {1e6 * each:g} us")
+    axes.plot(rates, np.min(lost, axis=0), color="black", linewidth=1.5, label="the best of the three")
+    axes.set(ylabel=f"{kind} [dB]")
+
+
+def main() -> None:
+    """The command."""
+    parser = Parser(prog="python -m agents.clutter", description="What choosing a train is worth among scatterers.")
+    parser.add_argument("--tables", action="store_true", help="renew the page from earlier results; play nothing")
+    results = blocks.read_results(RESULTS)
+    if not parser.read(None).tables:
+        results = {
+            f"{name}/{kind}": play(name, parameters, None if kind == "none" else kind)
+            for name, parameters in systems().items()
+            for kind in ("none", *KINDS)
+        }
+        write_whole(RESULTS.parent, {RESULTS.name: (json.dumps(results, indent=1) + "\n").encode()})
+    blocks.renew(PAGE, START, END, table(results))
+    write_whole(PICTURE.parent, {PICTURE.name: picture()})
+
+
+if __name__ == "__main__":
+    sys.exit(guarded(main))
