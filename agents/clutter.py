@@ -1,9 +1,9 @@
 """What the choice of a waveform is worth among scatterers: ``python -m agents.clutter``.
 
 Two radars choose among trains of sixteen pulses at three intervals, in ground, sea and rain clutter and without
-clutter. The one-step scheduler plays with all of them, with each alone, and with one after another as a radar that
-staggers its intervals. Results are written to results/clutter.json, table and picture to docs/clutter.md. ``--tables``
-renews the page without playing.
+clutter. The one-step scheduler plays with all of them, with each alone, with one after another as a radar that staggers
+its intervals, and with those that receive least clutter at the predicted targets. Results are written to
+results/clutter.json, table and picture to docs/clutter.md. ``--tables`` renews the page without playing.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ from wavegym.evaluation.comparison import BASELINE, Comparison
 from wavegym.evaluation.picture import as_png
 from wavegym.evaluation.table import interval, number, signed, tabulated
 from wavegym.schedulers import Myopic
+from wavegym.sensors import range_and_rate
 from wavegym.sensors.scatterers import KINDS, clutter_power
+from wavegym.sensors.scatterers_kernels import ClutterField, noise_with_clutter
 from wavegym.waveforms import PulseTrain, TrapezoidChirp
 
 if TYPE_CHECKING:
@@ -39,12 +41,31 @@ PICTURE = ROOT / "docs" / "images" / "clutter.png"
 WORLDS, SEED = 300, 0
 PULSES, DURATION, SWEEP = 16, 3e-6, 5e6
 BEAMS, SCANS = (213e-6, 250e-6, 300e-6), (150e-6, 160e-6, 172e-6)  # intervals of the two systems, s
-IN_TURN = "in turn"
 CARRIER_HZ, RANGE = 10.4e9, 20e3  # of the picture
 
 
-class OneTrain(Myopic):
-    """The one-step scheduler with a train that it did not choose: always the same, or the trains in turn.
+class GivenTrains(Myopic):
+    """The one-step scheduler with trains that another rule chooses."""
+
+    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
+        """See ``Policy``."""
+        super().begin(system, num_envs, rng)
+        self._every = self._system.candidates()
+        rows, windows = self._system.action_set.windows(self._every)
+        self._sent = windows[rows, -1].astype(np.int64)  # (candidate, sensor)
+        self._count = len(self._system.action_set.waveforms)
+
+    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
+        """See ``Policy``."""
+        return super().act(belief, observation, (self._sent == self.trains(belief)).all(axis=2))
+
+    def trains(self, belief: Any) -> Array:
+        """Number of each radar's train, (env, candidate or 1, sensor or 1)."""
+        raise NotImplementedError
+
+
+class OneTrain(GivenTrains):
+    """Always the same train, or the trains in turn.
 
     Args:
         number: of the train; None for one after another, the same at all radars.
@@ -54,17 +75,28 @@ class OneTrain(Myopic):
         super().__init__()
         self.number = number
 
-    def begin(self, system: System, num_envs: int, rng: np.random.Generator) -> None:
-        """See ``Policy``."""
-        super().begin(system, num_envs, rng)
-        pulses: Any = self._system.action_set
-        rows, windows = pulses.windows(self._system.candidates())
-        self._trains, self._count = windows[rows, -1], len(pulses.waveforms)  # (candidate, sensor)
-
-    def act(self, belief: Any, observation: Array | None, mask: Array | None) -> Array:
-        """See ``Policy``."""
+    def trains(self, belief: Any) -> Array:
+        """See ``GivenTrains``."""
         now = belief.step % self._count if self.number is None else np.full(len(belief.step), self.number)
-        return super().act(belief, observation, (self._trains == now[:, None, None]).all(axis=2))
+        return now[:, None, None]
+
+
+class LeastClutter(GivenTrains):
+    """The train that receives least clutter at the predicted ranges and range-rates of the targets in the beam."""
+
+    def trains(self, belief: Any) -> Array:
+        """See ``GivenTrains``."""
+        mean = self._system.predicted_targets(belief).mean  # (env, target, 4)
+        r, v = np.moveaxis(range_and_rate(mean[:, None], np.array(self._system.sensors)[:, None]), -1, 0)
+        power = received(self._system.clutter_field, np.arange(self._count), r[..., None], v[..., None])
+        lit = self._system.pulse(belief, self._every[None]).chance  # (env or 1, candidate, sensor, target)
+        return np.einsum("ecst,estw->ecsw", np.broadcast_to(lit, (len(mean), *lit.shape[1:])), power).argmin(axis=3)
+
+
+@np.vectorize(excluded={0})
+def received(field: ClutterField | None, train: int, r: float, v: float) -> float:
+    """Power of noise and clutter of mean texture in a train's filter, over that of noise."""
+    return float(noise_with_clutter(field, train, r, v, 0.5))
 
 
 def systems() -> dict[str, dict[str, Any]]:
@@ -80,7 +112,7 @@ def play(name: str, parameters: Mapping[str, Any], kind: str | None) -> dict[str
     """The schedulers in one system and kind of clutter."""
     intervals = BEAMS if name == "BeamAllocation" else SCANS
     fixed = {f"{1e6 * each:g} us": OneTrain(n) for n, each in enumerate(intervals)}
-    policies: dict[str, Any] = {BASELINE: None, IN_TURN: OneTrain(None), **fixed}
+    policies: dict[str, Any] = {BASELINE: None, "least clutter": LeastClutter(), "in turn": OneTrain(None), **fixed}
     played = compare(
         f"wavegym/{name}-v0", policies, worlds=WORLDS, seed=SEED, progress=False, scatterers=kind, **parameters
     )

@@ -15,7 +15,8 @@ pairs has a closed form for a Gaussian law.
 
 Clutter of few strong scatterers is spiky: its local power is c g, with a texture g of mean 1. In K-distributed clutter
 g has a gamma law, in Weibull clutter the inverse of a positive stable law (Kanter 1975). A receiver that knows only the
-mean has a threshold of T times 1 + c.
+mean has a threshold of T times 1 + c (``exceedance``). One that measures the local power in the cells around has T
+times 1 + c g: its false alarms are those of noise, and the texture changes the echo's SNR from look to look.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ RANGE_STEPS = 16  # of a table, for a factor of e
 RATE_NODES = 15  # of a mean over range-rates, within a pulse
 DELAYS = 6  # of an integral over delays, in 1 / sqrt(J)
 TEXTURE_NODES = 64  # of a mean over textures, on each axis
+LIKELY_TEXTURES = 256
 LEAST_SHAPE = 0.2
 
 
@@ -127,7 +129,8 @@ def clutter_field(
     rates = np.linspace(-fastest, fastest, 1 + 2 * math.ceil(RATE_STEPS * fastest / width))
     power = [clutter_power(scatterers, waveform, carrier_hz, ranges, rates) for waveform in waveforms]
     per_e = (count - 1) / math.log(ranges[-1] / nearest)
-    return ClutterField(np.array(power), nearest, per_e, -fastest, (len(rates) - 1) / (2.0 * fastest))
+    per_speed = (len(rates) - 1) / (2.0 * fastest)
+    return ClutterField(np.array(power), nearest, per_e, -fastest, per_speed, likely_textures(scatterers))
 
 
 def clutter_power(
@@ -224,6 +227,15 @@ def exceedance(
     g, weights = texture(check_choice("amplitude", amplitude, AMPLITUDES), shape)
     power = 1.0 + c[..., None] * g + 0.5 * eta[..., None]
     return np.asarray(np.exp(-(T * (1.0 + c))[..., None] / power) @ weights)
+
+
+def likely_textures(scatterers: Scatterers) -> Array:
+    """Equally likely values of the local over the mean power, rising, of mean 1, (value,)."""
+    g, weights = texture(scatterers.amplitude, scatterers.shape or 1.0)
+    order = np.argsort(g)
+    below = np.cumsum(weights[order]) - 0.5 * weights[order]
+    values = np.interp((np.arange(LIKELY_TEXTURES) + 0.5) / LIKELY_TEXTURES, below, g[order])
+    return values / values.mean()
 
 
 @lru_cache(maxsize=64)

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from wavegym.core.array_kernels import copy_vector
-from wavegym.core.counter_rng_kernels import stream
+from wavegym.core.counter_rng_kernels import stream, uniform
 from wavegym.core.kernels import inlined, kernel
 from wavegym.sensors.clutter_kernels import add_clutter, in_a_gate, in_gate, most_load, room
 from wavegym.sensors.detection_kernels import EchoLaw, detection_of, effective_snr, inverse_snr, received_snr
@@ -45,10 +45,10 @@ WINDOW = 3.0
 are predicted before; the rest is for the spread of competing returns, which widens the gates of the later sensors."""
 LEAST_SEEN = 0.02
 """Least share of an echo's energy that a receiver detects. The tails of a pulse, which leave 1 % of it, are no echo."""
-RATES = ndtri((np.arange(11) + 0.5) / 11.0)
-RATES /= np.sqrt(np.mean(RATES**2))
-"""Equally likely values of a standard normal law. Doppler filters have nulls a few m/s apart: over them a mean of these
-has a third of the error of Gauss-Hermite's."""
+RATES = ndtri((np.arange(13) + 0.5) / 13.0)
+PLACES = np.stack([RATES / np.sqrt(np.mean(RATES**2)), (5 * np.arange(13) % 13 + 0.5) / 13.0], axis=1)
+"""Equally likely pairs, a lattice, of a standard normal range-rate and a share of textures. Doppler filters have nulls
+a few m/s apart: over them such a mean has a third of the error of Gauss-Hermite's."""
 LEAST_DENSITY = 1e-20
 """The tracker's clutter density where the true one is 0: a return in a gate is then always a target's."""
 
@@ -133,9 +133,9 @@ def detected(eta, r, v, V, waveform, alarm, field, law):
     pd, effective = detection_of(eta, alarm, law), effective_snr(eta, alarm, law)
     if field is not None:
         pd = error = 0.0
-        for node in RATES:
-            own = eta / noise_with_clutter(field, waveform, r, v + np.sqrt(V) * node)
-            seen = detection_of(own, alarm, law) / len(RATES)
+        for n in range(len(PLACES)):
+            own = eta / noise_with_clutter(field, waveform, r, v + np.sqrt(V) * PLACES[n, 0], PLACES[n, 1])
+            seen = detection_of(own, alarm, law) / len(PLACES)
             pd += seen
             error += seen / effective_snr(own, alarm, law)
         effective = pd / error
@@ -246,7 +246,8 @@ def receive(e, i, k, key, lit, fresh, truth, error, pulse, world, gates, reach, 
             truth[e, t, 0], truth[e, t, 1], truth[e, t, 2], truth[e, t, 3], sensors[i, 0], sensors[i, 1]
         )
         weakness = weakness_one(e, i, r, pulse.strength, world)
-        weakness *= noise_with_clutter(world.field, window_of(e, i, pulse)[-1], r, v)
+        local = uniform(stream(key, len(lit) + t), 0)
+        weakness *= noise_with_clutter(world.field, window_of(e, i, pulse)[-1], r, v, local)
         share, C00, C01, C11 = echo_of(e, i, r, pulse, world)
         snr = received_snr(share / weakness, alarm, stream(key, t), world.law) if share > 0.0 else 0.0
         if snr == 0.0:

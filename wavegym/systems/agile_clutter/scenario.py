@@ -132,8 +132,7 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
     )
     scatterers: Kind | Scatterers | None = parameter(
         None,
-        'field of scatterers that compete with an echo in its filter: "ground", "sea", "rain" or a Scatterers with '
-        "amplitude 'rayleigh'; None for none",
+        'field of scatterers that compete with an echo in its filter: "ground", "sea", "rain" or a Scatterers',
         unit="",
         truth=True,
     )
@@ -255,11 +254,9 @@ class ClutterScenario(System, TimedPulses, PlaysRecordings):
             )
 
     def _check_scatterers(self) -> None:
-        """InputError for scatterers with chirps without a table, or with an amplitude that no receiver knows."""
+        """InputError for scatterers with chirps that have no table."""
         if self.scatterers is not None and self.action == "box":
             raise InputError("scatterers is given with action='box', expected action='library' or 'joint'")
-        if isinstance(self.scatterers, Scatterers) and self.scatterers.amplitude != "rayleigh":
-            raise InputError(f"amplitude of scatterers is {self.scatterers.amplitude!r}, expected 'rayleigh'")
 
     def _check_precision(self) -> None:
         """InputError for pulses too fine for the tracker; see ``check_precision``."""

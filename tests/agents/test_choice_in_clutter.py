@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from agents import clutter
-from wavegym.core.worlds import world_seeds
+from wavegym.core.worlds import draw_worlds, world_seeds
 from wavegym.evaluation import make_task
 from wavegym.evaluation.play import play
+from wavegym.sensors.scatterers import clutter_power
 
 
 @pytest.mark.parametrize("name", ["BeamAllocation", "AgileClutter"])
@@ -44,6 +45,26 @@ def test_the_page_shows_the_committed_results():
     for policies in results.values():
         assert policies["myopic"]["belief"]["value"] == policies["myopic"]["truth"]["value"] == 0.0
         assert all(np.isfinite(each["nees"]) for each in policies.values())
+
+
+def test_least_clutter_is_the_least_of_all_trains():
+    """Of the target in each beam, by the formula; where the beams' targets are hidden any train will do."""
+    task = make_task("wavegym/BeamAllocation-v0", {**clutter.systems()["BeamAllocation"], "scatterers": "ground"})
+    system, policy = task.system, clutter.LeastClutter()
+    policy.begin(system, 3, np.random.default_rng(0))
+    belief = system.initial(draw_worlds(system, world_seeds(0, "test", 3))).belief
+    action = policy.act(belief, None, None)
+    targets = system.predicted_targets(belief).mean
+    sets = system.action_set
+    for e in range(3):
+        for i, place in enumerate(np.array(system.sensors)):
+            t = int(np.argmax(sets.illuminated[action[e], i]))
+            if belief.visible[e, 0, t]:
+                step = targets[e, t, :2] - place
+                r = np.hypot(*step)
+                each = (system.carrier_hz, r, step @ targets[e, t, 2:] / r)
+                powers = [clutter_power(clutter.KINDS["ground"], waveform, *each)[0, 0] for waveform in sets.waveforms]
+                assert powers[sets.joint.indices[action[e], i] % 3] <= 1.05 * min(powers) + 0.05
 
 
 @pytest.mark.slow
