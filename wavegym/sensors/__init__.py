@@ -77,6 +77,7 @@ from wavegym.sensors.multistatic import (
 )
 from wavegym.sensors.platform import View, fov_penalty, platform_jacobian, platform_measurement, platform_view
 from wavegym.sensors.receiver import ArrayReceiver, Peaks
+from wavegym.sensors.scatterers import Scatterers, clutter_power, exceedance
 from wavegym.sensors.trains import (
     acceleration_loss,
     false_return_density,
@@ -105,11 +106,13 @@ __all__ = [
     "PairUpdate",
     "Peaks",
     "Road",
+    "Scatterers",
     "UrbanMap",
     "View",
     "acceleration_loss",
     "agreeing_combinations",
     "assumed_echo",
+    "clutter_power",
     "combined_interval",
     "contiguous_bands",
     "detected_snr",
@@ -117,6 +120,7 @@ __all__ = [
     "echo_law",
     "eclipse_tables",
     "energy_detection_probability",
+    "exceedance",
     "false_return_density",
     "false_return_threshold",
     "fold_hypotheses",

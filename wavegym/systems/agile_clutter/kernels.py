@@ -101,12 +101,6 @@ def echo_of(e, i, r, pulse, radar):
 
 
 @inlined
-def window_of(e, i, pulse):
-    """Sensor i's row of the windows."""
-    return pulse.windows[pulse.window[row(e, pulse.window), i]]
-
-
-@inlined
 def alarm_of(e, i, pulse):
     """Row of sensor i's threshold."""
     return pulse.alarm[row(e, pulse.alarm), i]
@@ -238,6 +232,7 @@ def receive(e, i, k, key, lit, fresh, truth, error, pulse, world, gates, reach, 
     """
     sensors, alarm = world.sensors, alarm_of(e, i, pulse)
     opened, centre, L, gate = gates
+    waveform = pulse.windows[pulse.window[row(e, pulse.window), i], -1]
     count, each = 0, len(opened) // len(lit)
     for t in range(len(lit)):
         if not lit[t]:
@@ -246,8 +241,7 @@ def receive(e, i, k, key, lit, fresh, truth, error, pulse, world, gates, reach, 
             truth[e, t, 0], truth[e, t, 1], truth[e, t, 2], truth[e, t, 3], sensors[i, 0], sensors[i, 1]
         )
         weakness = weakness_one(e, i, r, pulse.strength, world)
-        local = uniform(stream(key, len(lit) + t), 0)
-        weakness *= noise_with_clutter(world.field, window_of(e, i, pulse)[-1], r, v, local)
+        weakness *= noise_with_clutter(world.field, waveform, r, v, uniform(stream(key, len(lit) + t), 0))
         share, C00, C01, C11 = echo_of(e, i, r, pulse, world)
         snr = received_snr(share / weakness, alarm, stream(key, t), world.law) if share > 0.0 else 0.0
         if snr == 0.0:

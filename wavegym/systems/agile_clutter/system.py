@@ -126,6 +126,10 @@ class AgileClutter(ClutterScenario, DecisionMakers):
         finer pulse has more resolution cells. The tracker uses the returns inside its validation gates. A pulse with
         large errors has large gates, so it also admits more clutter.
 
+        This clutter does not depend on what is sent. ``scatterers`` adds ground, sea or rain, of which each pulse
+        receives what its ambiguity function lets through; single chirps have nothing to choose there, and trains their
+        blind speeds (docs/clutter.md).
+
         A lower threshold detects weaker echoes and more noise. With ``false_alarms`` a sensor chooses its threshold
         with its waveform (Hong et al.). With ``alarm_density`` every waveform has the threshold that gives this density
         of false returns of noise.
