@@ -2,8 +2,9 @@
 
 Two radars choose among trains of sixteen pulses at three intervals, in ground, sea and rain clutter and without
 clutter. The one-step scheduler plays with all of them, with each alone, with one after another as a radar that staggers
-its intervals, and with those that receive least clutter at the predicted targets. Results are written to
-results/clutter.json, table and picture to docs/clutter.md. ``--tables`` renews the page without playing.
+its intervals, and with those that receive least clutter at the predicted targets. It also plays with one threshold, and
+with a threshold that each radar chooses with its train. Results are written to results/clutter.json, table and picture
+to docs/clutter.md. ``--tables`` renews the page without playing.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,6 +43,8 @@ PICTURE = ROOT / "docs" / "images" / "clutter.png"
 WORLDS, SEED = 300, 0
 PULSES, DURATION, SWEEP = 16, 3e-6, 5e6
 BEAMS, SCANS = (213e-6, 250e-6, 300e-6), (150e-6, 160e-6, 172e-6)  # intervals of the two systems, s
+ALARMS, THRESHOLDS = (0.05, 0.01, 1e-3, 1e-4), "AgileClutter, thresholds"
+DETERMINANT = "myopic:determinant"
 CARRIER_HZ, RANGE = 10.4e9, 20e3  # of the picture
 
 
@@ -112,11 +116,24 @@ def play(name: str, parameters: Mapping[str, Any], kind: str | None) -> dict[str
     """The schedulers in one system and kind of clutter."""
     intervals = BEAMS if name == "BeamAllocation" else SCANS
     fixed = {f"{1e6 * each:g} us": OneTrain(n) for n, each in enumerate(intervals)}
-    policies: dict[str, Any] = {BASELINE: None, "least clutter": LeastClutter(), "in turn": OneTrain(None), **fixed}
-    played = compare(
-        f"wavegym/{name}-v0", policies, worlds=WORLDS, seed=SEED, progress=False, scatterers=kind, **parameters
-    )
+    policies: dict[str, Any] = {BASELINE: None, DETERMINANT: None, "least clutter": LeastClutter()}
+    policies |= {"in turn": OneTrain(None), **fixed}
+    played = _compared(name, policies, scatterers=kind, **parameters)
     return {each: _figures(played, each) for each in policies}
+
+
+def play_thresholds(kind: str | None) -> dict[str, Any]:
+    """AgileClutter's radars with one threshold each, against radars that choose it with their train."""
+    given: dict[str, dict[str, Any]] = {BASELINE: {"false_alarms": ALARMS}}
+    given |= {f"Pf {alarm:g}": {"false_alarm": alarm} for alarm in ALARMS}
+    same = {"scatterers": kind, **systems()["AgileClutter"]}
+    runs = {name: _compared("AgileClutter", {BASELINE: None}, **same, **more) for name, more in given.items()}
+    merged = replace(runs[BASELINE], played={name: run.played[BASELINE] for name, run in runs.items()})
+    return {name: _figures(merged, name) for name in runs}
+
+
+def _compared(name: str, policies: Mapping[str, Any], **parameters: Any) -> Comparison:
+    return compare(f"wavegym/{name}-v0", policies, worlds=WORLDS, seed=SEED, progress=False, **parameters)
 
 
 def _figures(played: Comparison, name: str) -> dict[str, Any]:
@@ -170,11 +187,13 @@ def main() -> None:
     parser.add_argument("--tables", action="store_true", help="renew the page from earlier results; play nothing")
     results = blocks.read_results(RESULTS)
     if not parser.read(None).tables:
+        kinds: dict[str, str | None] = {"none": None, **{kind: kind for kind in KINDS}}
         results = {
-            f"{name}/{kind}": play(name, parameters, None if kind == "none" else kind)
+            f"{name}/{label}": play(name, parameters, kind)
             for name, parameters in systems().items()
-            for kind in ("none", *KINDS)
+            for label, kind in kinds.items()
         }
+        results |= {f"{THRESHOLDS}/{label}": play_thresholds(kind) for label, kind in kinds.items()}
         write_whole(RESULTS.parent, {RESULTS.name: (json.dumps(results, indent=1) + "\n").encode()})
     blocks.renew(PAGE, START, END, table(results))
     write_whole(PICTURE.parent, {PICTURE.name: picture()})

@@ -75,8 +75,9 @@ def test_the_command_makes_results_page_and_picture(monkeypatch, tmp_path):
         monkeypatch.setattr(clutter, name, tmp_path / getattr(clutter, name).name)
     clutter.PAGE.write_text(f"before\n{clutter.START}\n{clutter.END}\nafter\n")
     monkeypatch.setattr("sys.argv", ["clutter"])
-    beams = {"BeamAllocation": clutter.systems()["BeamAllocation"]}
-    monkeypatch.setattr(clutter, "systems", lambda: beams)
+    monkeypatch.setattr(clutter, "KINDS", {kind: clutter.KINDS[kind] for kind in ("sea", "rain")})
     clutter.main()
-    assert clutter.table(json.loads(clutter.RESULTS.read_text())) in clutter.PAGE.read_text()
+    made = json.loads(clutter.RESULTS.read_text())
+    assert list(made[f"{clutter.THRESHOLDS}/sea"]) == ["myopic", "Pf 0.05", "Pf 0.01", "Pf 0.001", "Pf 0.0001"]
+    assert clutter.table(made) in clutter.PAGE.read_text()
     assert clutter.PICTURE.read_bytes().startswith(b"\x89PNG")
