@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 RESULTS, PAGE = ROOT / "results" / "clutter.json", ROOT / "docs" / "clutter.md"
 START, END = "<!-- made by `python -m agents.clutter`: -->", "<!-- clutter to here -->"
 PICTURE = ROOT / "docs" / "images" / "clutter.png"
-WORLDS, SEED = 300, 0
+WORLDS, SEED, JOBS = 300, 0, 2
 PULSES, DURATION, SWEEP = 16, 3e-6, 5e6
 BEAMS, SCANS = (213e-6, 250e-6, 300e-6), (150e-6, 160e-6, 172e-6)  # intervals of the two systems, s
 ALARMS, THRESHOLDS = (0.05, 0.01, 1e-3, 1e-4), "AgileClutter, thresholds"
@@ -133,7 +133,8 @@ def play_thresholds(kind: str | None) -> dict[str, Any]:
 
 
 def _compared(name: str, policies: Mapping[str, Any], **parameters: Any) -> Comparison:
-    return compare(f"wavegym/{name}-v0", policies, worlds=WORLDS, seed=SEED, progress=False, **parameters)
+    common: dict[str, Any] = {"worlds": WORLDS, "seed": SEED, "jobs": JOBS, "progress": False}
+    return compare(f"wavegym/{name}-v0", policies, **common, **parameters)
 
 
 def _figures(played: Comparison, name: str) -> dict[str, Any]:

@@ -70,6 +70,7 @@ def test_least_clutter_is_the_least_of_all_trains():
 @pytest.mark.slow
 def test_the_command_makes_results_page_and_picture(monkeypatch, tmp_path):
     monkeypatch.setattr(clutter, "WORLDS", 4)
+    monkeypatch.setattr(clutter, "JOBS", 1)
     monkeypatch.setattr(clutter, "RESULTS", tmp_path / "clutter.json")
     for name in ("PAGE", "PICTURE"):
         monkeypatch.setattr(clutter, name, tmp_path / getattr(clutter, name).name)
