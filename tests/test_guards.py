@@ -283,6 +283,17 @@ GOOD: dict[str, dict[str, Argument]] = {
         "kind": given_as("logistic"), "x": Argument("not nan", np.array([1.0, -1.0])), "low": given_as(-2.0),
         "high": given_as(2.0), "sharpness": positive(100.0), "height": non_negative(10.0),
     },
+    "Scatterers": {
+        "density": non_negative(0.5), "reference_range": positive(20e3), "exponent": non_negative(3.0),
+        "nearest": positive(100.0), "rate": finite(2.0), "spread": non_negative(0.5),
+    },
+    "clutter_power": {
+        "scatterers": given_as(sensors.Scatterers(density=0.5, reference_range=20e3)), "waveform": given_as(CHIRP),
+        "carrier_hz": positive(10e9), "ranges": finite(2e4), "rates": finite(3.0),
+    },
+    "exceedance": {
+        "threshold": non_negative(np.ones(3)), "clutter": non_negative(np.ones(3)), "snr": non_negative(np.ones(3)),
+    },
     "Antenna": {
         "urban_map": given_as(CITY), "position": finite((2085.0, 1470.5)), "axis": finite((0.6, 0.8)),
     },
