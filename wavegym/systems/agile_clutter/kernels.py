@@ -47,8 +47,8 @@ LEAST_SEEN = 0.02
 """Least share of an echo's energy that a receiver detects. The tails of a pulse, which leave 1 % of it, are no echo."""
 RATES = ndtri((np.arange(13) + 0.5) / 13.0)
 PLACES = np.stack([RATES / np.sqrt(np.mean(RATES**2)), (5 * np.arange(13) % 13 + 0.5) / 13.0], axis=1)
-"""Equally likely pairs, a lattice, of a standard normal range-rate and a share of textures. Doppler filters have nulls
-a few m/s apart: over them such a mean has a third of the error of Gauss-Hermite's."""
+"""Equally likely pairs of a standard normal range-rate and a share of textures, on a lattice. Doppler filters have
+nulls a few m/s apart, over which Gauss-Hermite nodes, few and far apart, have a larger error."""
 LEAST_DENSITY = 1e-20
 """The tracker's clutter density where the true one is 0: a return in a gate is then always a target's."""
 
